@@ -1,0 +1,1 @@
+"""What a sensor's noise really is, estimated while it runs, inside guards."""

@@ -1,0 +1,1 @@
+"""Commands from the estimate: control laws, saturation, safe states."""

@@ -1,0 +1,1 @@
+"""The track record, the step and the history: the only place where fusion, faults, adapt and control meet."""

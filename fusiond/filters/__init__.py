@@ -1,0 +1,1 @@
+"""One recursion per file, pure: predict and update, with their source."""

@@ -1,0 +1,1 @@
+"""How several sensors become one state."""

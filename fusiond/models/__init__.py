@@ -1,0 +1,1 @@
+"""Process models and sensor models: f, h, their Jacobians, and named state slots with units."""

@@ -1,0 +1,1 @@
+"""Seeded plants, sensors, and the ways in which they lie."""
