@@ -6,8 +6,8 @@ A test that needs a recording says so, and gets its folder:
     def test_the_robot_ends_where_published(recording):
         log = recording("jackal") / "test2.bag"
 
-Where the folder FUSIOND_DATA (default `../shared/data` beside the project) is absent, such a test is skipped and
-counted. Where the folder is there, a skip of such a test, for whatever reason, fails the run.
+Where the folder FUSIOND_DATA (default `../shared/data` beside the project) is absent, such a test is skipped
+and counted. Where the folder is there, a skip of such a test, for whatever reason, fails the run.
 """
 
 from __future__ import annotations
