@@ -77,6 +77,15 @@ def test_the_finer_step_integrates_drag_that_a_single_step_would_not() -> None:
     assert abs(coarse.velocity_m_s - exact) > 1.0
 
 
+def test_the_plants_have_the_masses_starts_and_gravity_of_the_seed() -> None:
+    """Seed 000, table 1; without a force the bi-rotor has fallen 4.905 m after a second."""
+    assert (MINI_CAR.mass_kg, MINI_CAR.weight_n, *MINI_CAR.start) == (1.0, 0.0, 0.0, 0.0, 0.0)
+    assert (BI_ROTOR.mass_kg, *BI_ROTOR.start) == (0.5, 2.0, 0.0, 0.0)
+    fallen = BI_ROTOR.advance(BI_ROTOR.start, 0.0, 1.0)
+    assert fallen.position_m == pytest.approx(2.0 - 9.81 / 2.0, abs=1e-12)
+    assert BI_ROTOR.weight_n == pytest.approx(0.5 * 9.81)
+
+
 def test_the_wall_robot_drives_the_seeds_path() -> None:
     """101 rows of x = 0.05 t cos 2t; `velocity` is the mean of the derivative over the step that ended."""
     truth = simulate("wall_robot").truth
@@ -99,6 +108,15 @@ def test_the_reference_plant_is_moved_through_its_input_only() -> None:
     w = along - np.sin(np.arange(20_000) / 5.0)
     assert_variance(w, 2.3)
     assert_white(w)
+
+
+def test_the_reference_plant_starts_as_its_prior_says() -> None:
+    """x(0) = B w with w of variance Q over 1000 seeds: covariance B Q B', of rank one."""
+    plant = ReferencePlant(Q=2.3)
+    starts = np.array([plant.trajectory(1, stream(seed, "plant"))[0] for seed in range(1000)])
+    w = starts[:, 0] / plant.B[0]
+    np.testing.assert_allclose(starts, w[:, None] * np.array(plant.B), atol=1e-12)
+    assert_variance(w, 2.3)
 
 
 def test_the_reference_plants_output_has_the_published_variance() -> None:

@@ -44,6 +44,16 @@ def test_readings_arrive_within_their_delay_and_jitter_and_stay_what_they_were()
     assert sorted(run.readings) == sorted(simulate("planar", 0, 20.0).readings)
 
 
+def test_equal_arrivals_keep_the_order_of_stamps_then_names() -> None:
+    """A delay of 0.1 s makes 10 Hz sensors arrive together, 21 times over."""
+    run = simulate("planar", 0, 2.0, delay_s={"radar": 0.1, "gps": 0.1})
+    order = [(a, r.t_ns, r.sensor) for a, r in zip(run.arrivals_ns.tolist(), run.readings, strict=True)]
+    assert order == sorted(order)
+    assert order.index((200_000_000, 100_000_000, "radar")) < order.index(
+        (200_000_000, 200_000_000, "beacon")
+    )
+
+
 def test_without_delays_readings_come_by_stamp_then_name() -> None:
     run = simulate("planar", 0, 2.0)
     order = [(reading.t_ns, reading.sensor) for reading in run.readings]
