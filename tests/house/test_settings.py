@@ -23,8 +23,6 @@ def undocumented(section: type[BaseModel]) -> list[str]:
     """Fields of a section without a description; a field that is itself a section has that of its class."""
     fields = section.model_fields.items()
     return [name for name, field in fields if not (field.description or is_section(field))]
-        name for name, field in section.model_fields.items() if not (field.description or is_section(field))
-    ]
 
 
 def is_section(field: FieldInfo) -> bool:
