@@ -1,0 +1,98 @@
+"""Configuration to engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusiond.assembly.design import design_of, layout_of
+from fusiond.assembly.modules import require
+from fusiond.assembly.package import import_package, source_of, step_sources, write_package
+from fusiond.assembly.resolve import Resolved, by_key, resolve
+from fusiond.config import Config, read
+from fusiond.engine.engine import Derive, Engine
+from fusiond.engine.layout import Layout
+from fusiond.numerics.kernel import interpreted
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A configuration that holds together, ready to make engines.
+
+    Args:
+        layout: what its records mean.   design: (1,) design record.
+    """
+
+    resolved: Resolved
+    layout: Layout
+    design: NDArray[np.void]
+
+    @property
+    def config(self) -> Config:
+        """The configuration it was made from."""
+        return self.resolved.config
+
+    @cached_property
+    def package(self) -> ModuleType:
+        """The compiled step's module `run`, compiled on first use or loaded from the cache."""
+        resolved = self.resolved
+        names = _file_names(resolved)
+        sensors = [
+            (name, source_of(sensor.module) if sensor.module else "")
+            for name, sensor in zip(names, resolved.sensors, strict=True)
+        ]
+        law = source_of(resolved.law_module) if resolved.law_module else None
+        process = source_of(resolved.process_module)
+        files = step_sources(self.layout.shape, process, resolved.process.linear, law, sensors)
+        return import_package(write_package(files))
+
+    def engine(self) -> Engine:
+        """A fresh engine, before its first reading."""
+        return Engine(self.layout, self.design, self._desk(), self.package.run, self._derive())
+
+    def _desk(self) -> NDArray[np.void]:
+        """The first desk record: the configured reference."""
+        desk = np.zeros(1, self.layout.desk)
+        section = self.config.control
+        if section is not None and section.reference:
+            values = by_key(section.reference, self.layout.references, "control.reference")
+            desk[0]["reference"][:] = [values.get(slot.name, 0.0) for slot in self.layout.references]
+            desk[0]["has_reference"] = 1
+        return desk
+
+    def _derive(self) -> Derive | None:
+        """The process model's `derive`, interpreted."""
+        if not self.resolved.process.outputs:
+            return None
+        require(self.resolved.process_module, ("derive",), "model")
+        derive: Derive = interpreted(self.resolved.process_module.derive)
+        return derive
+
+
+def _file_names(resolved: Resolved) -> list[str]:
+    """A file name for each sensor's model in the package, one for each distinct model file."""
+    modules = sorted({sensor.module.__name__ for sensor in resolved.sensors if sensor.module})
+    return [
+        f"sensor_{modules.index(sensor.module.__name__)}" if sensor.module else "" for sensor in resolved.sensors
+    ]
+
+
+def assemble(config: Config, folder: Path = Path()) -> Assembly:
+    """Derive everything a configuration implies; raises ConfigError.
+
+    Args:
+        folder: where the configuration lies; model files named in it are relative to it.
+    """
+    resolved = resolve(config, folder)
+    layout = layout_of(resolved)
+    return Assembly(resolved, layout, design_of(resolved, layout.shape))
+
+
+def load(path: Path) -> Assembly:
+    """Read a configuration file and assemble it; raises ConfigError."""
+    return assemble(read(path), path.parent)

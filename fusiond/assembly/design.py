@@ -1,0 +1,155 @@
+"""The design record of a configuration: every number the step reads, derived once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
+from fusiond.engine.layout import Layout, SensorLayout
+from fusiond.engine.records import Shape, design_dtype
+from fusiond.errors import ConfigError
+from fusiond.numerics.kernel import interpreted
+from fusiond.numerics.ud import ud_factor
+from fusiond.types import NANOSECONDS, Role, nanoseconds
+
+SILENT_PERIODS = 3.0
+"""Periods without a reading after which a sensor of known rate is silent, unless the configuration says otherwise."""
+
+
+def shape_of(resolved: Resolved) -> Shape:
+    """Sizes of the configuration's records."""
+    process, law = resolved.process, resolved.law
+    models = [sensor.model for sensor in resolved.sensors]
+    updating = len(resolved.updating)
+    bank = updating if resolved.config.filter.leave_one_out and updating > 1 else 0
+    return Shape(
+        states=len(process.states),
+        inputs=len(process.inputs),
+        noises=process.noises,
+        sensors=len(models),
+        filters=1 + bank,
+        payload=max(len(model.channels) for model in models),
+        slots=max([*(len(model.reads) for model in models), len(law.reads) if law else 0]),
+        model_parameters=len(process.parameters),
+        sensor_parameters=max(len(model.parameters) for model in models),
+        law_parameters=len(law.parameters) if law else 0,
+        controls=len(law.controls) if law else 0,
+        references=len(law.references) if law else 0,
+    )
+
+
+def layout_of(resolved: Resolved) -> Layout:
+    """Names for the configuration's records."""
+    process, law = resolved.process, resolved.law
+    sensors = tuple(
+        SensorLayout(sensor.name, number, sensor.role, sensor.model.channels)
+        for number, sensor in enumerate(resolved.sensors)
+    )
+    return Layout(
+        name=resolved.config.name,
+        states=process.states,
+        outputs=process.outputs,
+        inputs=process.inputs,
+        controls=law.controls if law else (),
+        references=law.references if law else (),
+        sensors=sensors,
+        shape=shape_of(resolved),
+    )
+
+
+def factored(P: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """U (unit upper triangular) and d of a covariance known to be positive semi-definite."""
+    U, d = np.eye(P.shape[0]), np.zeros(P.shape[0])
+    interpreted(ud_factor)(P.copy(), U, d, 1e-9)
+    return U, d
+
+
+def _initial(resolved: Resolved, record: np.record) -> None:
+    """Initial state and covariance."""
+    states, initial = resolved.process.states, resolved.config.initial
+    values = by_key(initial.state, states, "initial.state")
+    stds = by_key(initial.std, states, "initial.std")
+    for i, slot in enumerate(states):
+        if slot.name not in stds:
+            raise ConfigError(f"initial.std: `{slot.key}` is missing; say how well it is known at the start")
+        record["x0"][i] = values.get(slot.name, 0.0)
+        record["d0"][i] = stds[slot.name] ** 2
+        record["U0"][i, i] = 1.0
+        record["angle"][i] = slot.name in resolved.process.angles
+
+
+def _silence_ns(sensor: ResolvedSensor) -> int:
+    """Longest healthy silence; 0 where none is judged."""
+    section = sensor.section
+    if section is None:
+        return 0
+    if section.max_silence_s is not None:
+        return nanoseconds(section.max_silence_s)
+    return nanoseconds(SILENT_PERIODS / section.rate_hz) if section.rate_hz else 0
+
+
+def _sensor(resolved: Resolved, number: int, record: np.record) -> None:
+    """One sensor's tables."""
+    sensor = resolved.sensors[number]
+    model, section = sensor.model, sensor.section
+    dof = model.dof
+    U, d = factored(sensor.R)
+    record["role"][number] = sensor.role
+    record["length"][number] = len(model.channels)
+    record["dof"][number] = dof
+    record["R_U"][number, :dof, :dof] = U
+    record["R_d"][number, :dof] = d
+    record["R"][number, :dof] = np.diag(sensor.R)
+    record["lower"][number], record["upper"][number] = -np.inf, np.inf
+    valid = by_key(section.valid, model.channels, f"sensor.{sensor.name}.valid") if section else {}
+    for i, slot in enumerate(model.channels):
+        if slot.name in valid:
+            record["lower"][number, i], record["upper"][number, i] = valid[slot.name]
+        record["wraps"][number, i] = slot.name in model.wraps
+    places = {slot.name: place for place, slot in enumerate(resolved.process.states)}
+    record["at"][number] = -1
+    record["at"][number, : len(model.reads)] = [places[name] for name in model.reads]
+    record["sp"][number, : len(model.parameters)] = model.parameters
+    record["drives"][number] = -1
+    record["drives"][number, : len(sensor.drives)] = sensor.drives
+    record["hold"][number] = sensor.hold
+    record["holds_value"][number] = section is not None and section.repeats == "held"
+    record["silence_ns"][number] = _silence_ns(sensor)
+
+
+def _control(resolved: Resolved, record: np.record) -> None:
+    """The control law's tables; without control its period is never read."""
+    law, section = resolved.law, resolved.config.control
+    record["control_period_ns"] = NANOSECONDS
+    if law is None or section is None:
+        return
+    places = {slot.name: place for place, slot in enumerate(resolved.process.states)}
+    record["control_period_ns"] = nanoseconds(1.0 / section.rate_hz)
+    record["c"][: len(law.parameters)] = law.parameters
+    record["law_at"][: len(law.reads)] = [places[name] for name in law.reads]
+
+
+def design_of(resolved: Resolved, shape: Shape) -> NDArray[np.void]:
+    """The (1,) design record."""
+    design = np.zeros(1, design_dtype(shape))
+    record: np.record = design[0]
+    process, config = resolved.process, resolved.config
+    _initial(resolved, record)
+    record["p"][: len(process.parameters)] = process.parameters
+    leaving_out = 1
+    for number, sensor in enumerate(resolved.sensors):
+        _sensor(resolved, number, record)
+        record["loo"][number] = -1
+        if sensor.role is Role.UPDATE and shape.filters > 1:
+            record["loo"][number] = leaving_out
+            leaving_out += 1
+    record["step_ns"] = nanoseconds(process.step_s)
+    record["max_step_ns"] = nanoseconds(process.max_step_s)
+    record["horizon_ns"] = nanoseconds(config.history.horizon_s)
+    record["ahead_ns"] = nanoseconds(config.history.max_ahead_s)
+    record["resync"] = config.history.resync_count
+    record["dead_reckoning_ns"] = nanoseconds(config.health.dead_reckoning_s)
+    record["invalid_ns"] = nanoseconds(config.health.invalid_s)
+    _control(resolved, record)
+    return design

@@ -1,0 +1,134 @@
+"""The compiled step of one configuration: a small package of source files in the cache, named by its own hash.
+
+The template `fusiond.engine.step` is copied beside the configuration's process model, sensor models and control law.
+The folder's name is the hash of every source the machine code depends on and of the compiler's version, so an edited
+model gets another folder and can never meet a stale kernel, and numba's own disk cache does the rest.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import os
+import platform
+import shutil
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+
+import numba
+import numpy as np
+
+from fusiond import numerics, types
+import fusiond.engine.step as step
+from fusiond.engine import records
+from fusiond.engine.step import sizes
+
+SWAPPED = ("process.py", "observe.py", "law.py", "sizes.py", "advance_linear.py", "advance_nonlinear.py")
+"""Files of the template that a configuration replaces."""
+
+
+def cache_folder() -> Path:
+    """Where compiled steps are kept: $FUSIOND_CACHE, else the user's cache folder."""
+    if chosen := os.environ.get("FUSIOND_CACHE"):
+        return Path(chosen)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fusiond"
+
+
+def source_of(module: ModuleType) -> str:
+    """Source text of an imported module."""
+    assert module.__file__ is not None
+    return Path(module.__file__).read_text(encoding="utf-8")
+
+
+def folder_sources(module: ModuleType) -> dict[str, str]:
+    """Source text of every module in a package's folder, by file name."""
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted(Path(module.__path__[0]).glob("*.py"))}
+
+
+def observe_source(sensors: Sequence[str]) -> str:
+    """The dispatch from a sensor's number to the model in the file named for it ('' for one without a model)."""
+    files = sorted({name for name in sensors if name})
+    lines = ['"""Which sensor model reads which sensor; written by assembly."""', ""]
+    lines += ["from fusiond.numerics.kernel import kernel", ""]
+    lines += [f"from .{name} import observe as {name}" for name in files]
+    lines += ["", "", "@kernel", "def observe(sensor, x, z, at, p, h, H):"]
+    for number, name in enumerate(sensors):
+        if name:
+            lines += [f"    if sensor == {number}:", f"        return {name}(x, z, at, p, h, H)"]
+    return "\n".join([*lines, "    return False", ""])
+
+
+def sizes_source(shape: records.Shape) -> str:
+    """The sizes of the records as constants."""
+    constants = {
+        "STATES": shape.states, "INPUTS": shape.inputs, "NOISES": shape.noises, "SENSORS": shape.sensors,
+        "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
+        "REFERENCES": shape.references, "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
+    }  # fmt: skip
+    return "".join([f"{name} = {value}\n" for name, value in constants.items()])
+
+
+def step_sources(
+    shape: records.Shape, process: str, linear: bool, law: str | None, sensors: Sequence[tuple[str, str]]
+) -> dict[str, str]:
+    """Every file of one configuration's step, by name.
+
+    Args:
+        process, law: source text of the process model and of the control law (None: no control).
+        sensors: for each sensor, a name for its model and the model's source text; ('', '') for an input.
+    """
+    template = folder_sources(step)
+    files = {name: text for name, text in template.items() if name not in SWAPPED}
+    files["advance.py"] = template["advance_linear.py" if linear else "advance_nonlinear.py"]
+    files["sizes.py"] = sizes_source(shape)
+    files["process.py"] = process
+    files["law.py"] = template["law.py"] if law is None else law
+    files["observe.py"] = observe_source([name for name, _ in sensors])
+    files |= {f"{name}.py": text for name, text in sensors if name}
+    return files
+
+
+def fingerprint(files: Mapping[str, str]) -> str:
+    """Hash of a step's own files and of all they are compiled with."""
+    versions = (platform.python_version(), numba.__version__, np.__version__, platform.machine())
+    shared = folder_sources(numerics) | {"types.py": source_of(types), "records.py": source_of(records)}
+    digest = hashlib.sha256(repr(versions).encode())
+    for name, text in [*sorted(files.items()), *sorted(shared.items())]:
+        digest.update(f"{name}\0{len(text)}\0{text}".encode())
+    return digest.hexdigest()[:24]
+
+
+def write_package(files: Mapping[str, str]) -> Path:
+    """Write the files into the cache, if they are not there, in one move that another process may win."""
+    folder = cache_folder() / "steps" / fingerprint(files)
+    if folder.is_dir():
+        return folder
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(dir=folder.parent, prefix="draft-"))
+    for name, text in files.items():
+        (draft / name).write_text(text, encoding="utf-8")
+    try:
+        draft.rename(folder)
+    except OSError:
+        shutil.rmtree(draft)
+        if not folder.is_dir():
+            raise
+    return folder
+
+
+def import_package(folder: Path) -> ModuleType:
+    """Import the package in the folder, once a process, as `fusiond_step_HASH`; returns its module `run`."""
+    name = f"fusiond_step_{folder.name}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(
+            name, folder / "__init__.py", submodule_search_locations=[str(folder)]
+        )
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        spec.loader.exec_module(module)
+    return importlib.import_module(f"{name}.run")

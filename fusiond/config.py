@@ -1,0 +1,287 @@
+"""What an operator may say: one TOML file, strict and frozen. `fusiond config schema` prints its JSON Schema.
+
+The parameters of a built-in model, sensor or control law are the keyword arguments of its `describe`, so a new one
+needs no line here. Names carry units; what only the models can judge (does this state exist?) is judged in assembly.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import tomllib
+import typing
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, create_model
+
+from fusiond.control.catalogue import LAWS
+from fusiond.errors import ConfigError
+from fusiond.models.catalogue import PROCESSES, SENSORS
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Range = Annotated[list[float], Field(min_length=2, max_length=2)]
+Numbers = dict[str, Annotated[float, Field(allow_inf_nan=False)]]
+
+
+class Section(BaseModel):
+    """Base of every section: no unknown keys, no silent conversions, no changes after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
+
+
+class ModelSection(Section):
+    """The process model. Its parameters stand beside `kind`."""
+
+
+class SensorSection(Section):
+    """One sensor. The parameters of its kind stand beside these."""
+
+    key: str | None = None
+    """Zenoh key expression it publishes on; by default NAMESPACE/sensor/NAME."""
+    rate_hz: Positive | None = None
+    """Its nominal rate; silence is judged by it."""
+    noise_std: dict[str, NotNegative] = {}
+    """Standard deviation of each channel, by its name with unit: { range_m = 0.3 }."""
+    noise_covariance: list[list[float]] | None = None
+    """Full covariance of the measured channels instead of noise_std."""
+    valid: dict[str, Range] = {}
+    """Lowest and highest plausible value of a channel; what lies outside is refused as out_of_range."""
+    max_silence_s: Positive | None = None
+    """Longest healthy silence; by default three periods of rate_hz, without a rate no limit."""
+    repeats: Literal["fresh", "held"] = "fresh"
+    """Whether an equal value at a new time is fresh evidence, or a driver that repeats its last fix."""
+
+
+class InputSection(SensorSection):
+    """A sensor that drives the prediction instead of correcting it."""
+
+    kind: Literal["input"]
+    drives: list[str]
+    """Inputs of the process model that its numbers set, in order."""
+    hold: Literal["next", "previous"] = "next"
+    """Whether a reading holds until the next one, or describes the interval that ends at its stamp."""
+
+
+class InitialSection(Section):
+    """The state before the first reading, by state name with unit."""
+
+    state: Numbers = {}
+    std: dict[str, NotNegative]
+
+
+class FilterSection(Section):
+    """How the state is estimated."""
+
+    recursion: Literal["ud"] = "ud"
+    leave_one_out: bool = True
+    """Keep, beside the filter of all sensors, one filter for each that leaves it out."""
+
+
+class HistorySection(Section):
+    """How late a reading may be, and what a clock may do."""
+
+    horizon_s: NotNegative = 1.0
+    """A reading this much older than the newest is still put in its place, exactly; an older one is too_late."""
+    max_ahead_s: Positive = 10.0
+    """A reading stamped this much ahead of the clock is refused as from_future."""
+    resync_count: Annotated[int, Field(ge=2)] = 20
+    """Refused readings in a row that agree with each other prove that the time base itself has jumped."""
+
+
+class HealthSection(Section):
+    """When the estimate is no longer worth its name."""
+
+    dead_reckoning_s: Positive = 1.0
+    """Dead reckoning once nothing has corrected the state for this long."""
+    invalid_s: Positive = 5.0
+    """Invalid once nothing has corrected the state for this long."""
+
+
+class ControlSection(Section):
+    """The control law. Its parameters stand beside these."""
+
+    rate_hz: Positive
+    """Commands per second of data time."""
+    reference: Numbers = {}
+    """Goal until one comes on `reference`, by name with unit."""
+
+
+class ServiceSection(Section):
+    """How the daemon meets the network. Loopback only, and no multicast, unless told otherwise."""
+
+    mode: Literal["peer", "client", "router"] = "peer"
+    listen: list[str] = ["tcp/127.0.0.1:7447"]
+    connect: list[str] = []
+    multicast: bool = False
+    publish_hz: Positive = 50.0
+    """Highest rate of `estimate`."""
+    format: Literal["json", "record"] = "json"
+    """Encoding of what is published at rate: estimate, control, report."""
+    ring: Annotated[int, Field(ge=16)] = 8192
+    """Readings each intake holds while the loop is busy; the oldest go first."""
+    tick_hz: Positive = 20.0
+    """How often time passes where no reading says so."""
+
+
+class RecordingSection(Section):
+    """What the daemon writes with --record, beside every reading and report."""
+
+    estimate_hz: NotNegative = 50.0
+    """Rate of the JSON estimates that plotting tools read; 0 for none."""
+
+
+def _hints(function: Any) -> dict[str, Any]:
+    """Annotations of a function, evaluated."""
+    return typing.get_type_hints(function)
+
+
+def _section(base: type[Section], tag: str, kind: str, module: ModuleType) -> type[Section]:
+    """The section of one built-in kind: `base`, its tag, and the keyword arguments of its `describe`."""
+    hints = _hints(module.describe)
+    fields: dict[str, Any] = {tag: (Literal[kind], ...)}
+    for name, parameter in inspect.signature(module.describe).parameters.items():
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
+            default = ... if parameter.default is inspect.Parameter.empty else parameter.default
+            fields[name] = (hints[name], default)
+    title = f"{base.__name__.removesuffix('Section')}_{kind}"
+    return create_model(title, __base__=base, __doc__=module.__doc__, **fields)
+
+
+class UserModelSection(ModelSection):
+    """A process model in a file of your own; its parameters are judged by its `describe`."""
+
+    model_config = ConfigDict(extra="allow")
+    file: str
+
+
+class UserSensorSection(SensorSection):
+    """A sensor model in a file of your own; its parameters are judged by its `describe`."""
+
+    model_config = ConfigDict(extra="allow")
+    file: str
+
+
+_PROCESS_SECTIONS = {kind: _section(ModelSection, "kind", kind, module) for kind, module in PROCESSES.items()}
+_SENSOR_SECTIONS = {kind: _section(SensorSection, "kind", kind, module) for kind, module in SENSORS.items()}
+_LAW_SECTIONS = {law: _section(ControlSection, "law", law, module) for law, module in LAWS.items()}
+
+
+def _one_of(tag: str, sections: Mapping[str, type[Section]]) -> Any:
+    """A union of sections chosen by the value of `tag`, or by the presence of `file`."""
+
+    def choose(value: Any) -> str:
+        if not isinstance(value, dict):
+            return str(getattr(value, tag, "file"))
+        return "file" if "file" in value and tag not in value else str(value.get(tag))
+
+    members = tuple(Annotated[section, Tag(kind)] for kind, section in sections.items())
+    return Annotated[Union[members], Discriminator(choose)]  # noqa: UP007 (members are known at run time only)
+
+
+AnyModel = _one_of("kind", _PROCESS_SECTIONS | {"file": UserModelSection})
+AnySensor = _one_of("kind", _SENSOR_SECTIONS | {"input": InputSection, "file": UserSensorSection})
+AnyControl = _one_of("law", _LAW_SECTIONS)
+
+
+class Config(Section):
+    """A whole configuration."""
+
+    name: Name
+    """What this estimate is called; also names its keys."""
+    namespace: str | None = None
+    """Prefix of every key; by default fusiond/NAME."""
+    model: AnyModel
+    initial: InitialSection
+    sensor: dict[Name, AnySensor]
+    filter: FilterSection = FilterSection()
+    history: HistorySection = HistorySection()
+    health: HealthSection = HealthSection()
+    control: AnyControl | None = None
+    service: ServiceSection = ServiceSection()
+    recording: RecordingSection = RecordingSection()
+
+    @property
+    def prefix(self) -> str:
+        """Prefix of every key."""
+        return self.namespace or f"fusiond/{self.name}"
+
+
+OWN_FIELDS = {
+    "model": frozenset({"kind", "file"}),
+    "sensor": frozenset(InputSection.model_fields) | frozenset({"kind", "file"}),
+    "control": frozenset({"law"}) | frozenset(ControlSection.model_fields),
+}
+"""Fields of a section that are not parameters of its kind."""
+
+
+def parameters(section: Section, part: str) -> dict[str, Any]:
+    """The parameters of a model, sensor or law: everything in its section that is not the section's own.
+
+    Args:
+        part: `model`, `sensor` or `control`.
+    """
+    return {name: value for name, value in section if name not in OWN_FIELDS[part]}
+
+
+def _known_names() -> set[str]:
+    """Every name that can stand before an equals sign."""
+    sections = (*_PROCESS_SECTIONS.values(), *_SENSOR_SECTIONS.values(), *_LAW_SECTIONS.values())
+    plain = (Config, InitialSection, FilterSection, HistorySection, HealthSection, ServiceSection, InputSection)
+    return {name for section in (*sections, *plain, RecordingSection) for name in section.model_fields}
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """`; did you mean ...?` for a misspelt word, or what there is to choose from."""
+    choices = sorted(known)
+    near = difflib.get_close_matches(word, choices, 1, 0.6)
+    return f"did you mean `{near[0]}`?" if near else f"choose from {', '.join(choices)}"
+
+
+def _explain(error: Mapping[str, Any]) -> str:
+    """One pydantic error as `subject: fact; remedy`."""
+    tags = {*_PROCESS_SECTIONS, *_SENSOR_SECTIONS, *_LAW_SECTIONS, "input", "file"}
+    path = [str(part) for part in error["loc"]]
+    subject = ".".join(part for i, part in enumerate(path) if not (part in tags and path[i - 1 : i] != ["sensor"]))
+    match error["type"]:
+        case "extra_forbidden":
+            near = difflib.get_close_matches(path[-1], sorted(_known_names()), 1, 0.6)
+            hint = f"did you mean `{near[0]}`?" if near else "remove it; `fusiond config schema` lists what there is"
+            return f"{subject}: unknown key; {hint}"
+        case "missing":
+            return f"{subject}: is missing; add it (`fusiond config schema` describes it)"
+        case "union_tag_invalid" | "union_tag_not_found":
+            given = error.get("ctx", {}).get("tag", "nothing")
+            kinds = {"model": _PROCESS_SECTIONS, "sensor": {**_SENSOR_SECTIONS, "input": 0}}.get(path[0], _LAW_SECTIONS)
+            return f"{subject}: no kind `{given}`; {nearest(str(given), kinds)}"
+        case _:
+            return f"{subject}: {error['msg']}, got {error['input']!r}"
+
+
+def parse(text: str, source: str) -> Config:
+    """Read a configuration from TOML text; raises ConfigError that lists everything wrong with its form."""
+    try:
+        return Config.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{source}: not TOML ({error})") from error
+    except ValidationError as error:
+        lines = [_explain(one) for one in error.errors(include_url=False)]
+        raise ConfigError("\n".join(f"{source}: {line}" for line in lines)) from error
+
+
+def read(path: Path) -> Config:
+    """Read a configuration file; raises ConfigError."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read ({error}); give the path of a TOML configuration") from error
+    return parse(text, str(path))
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of a configuration."""
+    return Config.model_json_schema()

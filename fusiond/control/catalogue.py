@@ -1,0 +1,9 @@
+"""Every built-in control law by the `law` a configuration names."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+from fusiond.control import pd
+
+LAWS: dict[str, ModuleType] = {"pd": pd}

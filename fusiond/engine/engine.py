@@ -1,0 +1,117 @@
+"""The engine: one configuration's compiled step with its records, fed with arrays of readings."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusiond.engine.layout import Layout
+from fusiond.engine.records import work_dtype
+from fusiond.engine.step.sizes import SNAPSHOT_EVERY
+from fusiond.errors import EngineFault
+
+Records = NDArray[Any]
+Run = Callable[..., int]
+Derive = Callable[[Any, Any, Any], None]
+
+
+class Engine:
+    """Runs readings through the step and keeps the history that late ones need.
+
+    Args:
+        layout: what the records mean.   design: (1,) design record.   desk: (1,) desk record to start from.
+        run: the compiled entry.   derive: writes the derived outputs of a state, None where there are none.
+    """
+
+    def __init__(self, layout: Layout, design: Records, desk: Records, run: Run, derive: Derive | None) -> None:
+        self.layout = layout
+        self._design, self._run, self._derive = design, run, derive
+        self._first_desk = desk.copy()
+        self._work = np.zeros(1, work_dtype(layout.shape))
+        self._spares = (np.zeros(1, layout.track), np.zeros(1, layout.report))
+        self._reports: Records = np.zeros(0, layout.report)
+        self.covariances: NDArray[np.float64] = np.zeros((0, layout.shape.states, layout.shape.states))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: the state before the first reading."""
+        self.track: Records = np.zeros(1, self.layout.track)
+        self.desk: Records = self._first_desk.copy()
+        self._allocate(64 * SNAPSHOT_EVERY)
+
+    def process(self, readings: Records, *, covariances: bool = False) -> Records:
+        """Run readings through the step, in the order they arrived.
+
+        Args:
+            readings: (k,) records of `layout.reading`; a tick is one whose sensor is TICK.
+            covariances: also keep the centralized covariance after each reading, in `self.covariances[:k]`.
+        Returns:
+            (k,) reports, in the same order: a view that the next call overwrites.
+        """
+        count = readings.shape[0]
+        if self._reports.shape[0] < count:
+            self._reports = np.zeros(count, self.layout.report)
+        n = self.layout.shape.states
+        if covariances and self.covariances.shape[0] < count:
+            self.covariances = np.zeros((count, n, n))
+        reports = self._reports[:count]
+        reports.view(np.uint8)[:] = 0
+        into = self.covariances[:count] if covariances else self.covariances[:0]
+        done = 0
+        while done < count:
+            taken = self._run(
+                self.track, self.desk, self._design, self._work, self._spares,
+                self._ring, self._snapshots, self._marks,
+                readings[done:], reports[done:], into[done:],
+            )  # fmt: skip
+            done += taken
+            if done < count:
+                self._grow()
+        return reports
+
+    def outputs(self, x: NDArray[np.float64]) -> dict[str, float]:
+        """Derived outputs of one state vector (n,), by name."""
+        if self._derive is None:
+            return {}
+        y = np.zeros(len(self.layout.outputs))
+        self._derive(x, self._design[0]["p"], y)
+        return {slot.name: float(value) for slot, value in zip(self.layout.outputs, y, strict=True)}
+
+    def covariance(self) -> NDArray[np.float64]:
+        """The centralized covariance now, (n, n)."""
+        U = np.triu(self.track[0]["U"][0], 1) + np.eye(self.layout.shape.states)
+        covariance: NDArray[np.float64] = (U * self.track[0]["d"][0]) @ U.T
+        return covariance
+
+    def state_sha256(self) -> str:
+        """Hash of the track record's bytes."""
+        return hashlib.sha256(self.track.tobytes()).hexdigest()
+
+    def _allocate(self, capacity: int) -> None:
+        """Make an empty history for `capacity` readings, a multiple of SNAPSHOT_EVERY."""
+        kept = capacity // SNAPSHOT_EVERY + 2
+        self._ring: Records = np.zeros(capacity, self.layout.reading)
+        self._snapshots: Records = np.zeros(kept, self.layout.track)
+        self._marks: NDArray[np.int64] = np.full(kept, -1, np.int64)
+
+    def _grow(self) -> None:
+        """Double the history: a reading inside the horizon must always find its place."""
+        ring, snapshots, marks = self._ring, self._snapshots, self._marks
+        if self.desk[0]["ring_count"] < ring.shape[0]:
+            raise EngineFault("the step stopped with room in its history")
+        self._allocate(2 * ring.shape[0])
+        for place in self._places():
+            self._ring[place % self._ring.shape[0]] = ring[place % ring.shape[0]]
+        for slot in np.flatnonzero(marks >= 0):
+            mark = marks[slot]
+            self._snapshots[mark // SNAPSHOT_EVERY % self._marks.shape[0]] = snapshots[slot]
+            self._marks[mark // SNAPSHOT_EVERY % self._marks.shape[0]] = mark
+
+    def _places(self) -> Iterator[int]:
+        """Absolute numbers of the readings in the ring."""
+        first = int(self.desk[0]["ring_first"])
+        return iter(range(first, first + int(self.desk[0]["ring_count"])))

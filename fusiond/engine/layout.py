@@ -1,0 +1,76 @@
+"""What one configuration's records mean: names, units and numbers of states, sensors and controls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fusiond.engine.records import Shape, desk_dtype, reading_dtype, report_dtype, track_dtype
+from fusiond.types import Role, Slot
+
+
+@dataclass(frozen=True, slots=True)
+class SensorLayout:
+    """One sensor as the records know it.
+
+    Args:
+        number: its place in every per-sensor array; inputs come first, then by name, which is also the order in
+            which readings with equal stamps are processed.
+        channels: the numbers of one reading, with units, an index (a beacon's number) included.
+    """
+
+    name: str
+    number: int
+    role: Role
+    channels: tuple[Slot, ...]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Names for every number in the records of one configuration.
+
+    Args:
+        controls, references: numbers of a command, and of the reference it follows.
+        outputs: what the process model derives from its state (`vx`, `vy`), in the order of `Engine.outputs`.
+    """
+
+    name: str
+    states: tuple[Slot, ...]
+    outputs: tuple[Slot, ...]
+    inputs: tuple[Slot, ...]
+    controls: tuple[Slot, ...]
+    references: tuple[Slot, ...]
+    sensors: tuple[SensorLayout, ...]
+    shape: Shape
+
+    @cached_property
+    def reading(self) -> np.dtype[np.record]:
+        """dtype of one reading."""
+        return reading_dtype(self.shape.payload)
+
+    @cached_property
+    def report(self) -> np.dtype[np.record]:
+        """dtype of one report."""
+        return report_dtype(self.shape)
+
+    @cached_property
+    def track(self) -> np.dtype[np.record]:
+        """dtype of the track."""
+        return track_dtype(self.shape)
+
+    @cached_property
+    def desk(self) -> np.dtype[np.record]:
+        """dtype of the desk."""
+        return desk_dtype(self.shape)
+
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        """Sensor number by name."""
+        return {sensor.name: sensor.number for sensor in self.sensors}
+
+    def sensor(self, name: str) -> SensorLayout | None:
+        """The sensor of that name, None where the configuration has none."""
+        number = self.numbers.get(name)
+        return None if number is None else self.sensors[number]

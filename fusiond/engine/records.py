@@ -1,0 +1,161 @@
+"""The flat records: what a reading, a report and a track know, as documented numpy dtypes.
+
+Everything the estimator remembers is one `track` record, so a snapshot is a copy, a checkpoint its bytes, a fleet
+an array, and two runs are equal when their bytes are. All fields are little-endian.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+HAS_SEQ = 1
+"""Reading flag: `seq` was sent by the sensor."""
+HAS_R = 2
+"""Reading flag: `R` holds the covariance that came with the reading (unit of z squared)."""
+HAS_ARRIVAL = 4
+"""Reading flag: `arrival_ns` was measured by a clock; without it nothing is known of when the reading came."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """Sizes of one configuration's records.
+
+    Args:
+        states: n, slots of the process model.        inputs: numbers that drive the prediction.
+        noises: columns of its noise matrix G.         sensors: s, all sensors, inputs included.
+        filters: centralized filter plus the leave-one-out bank.
+        payload: most numbers any reading carries.     slots: most state slots any sensor model reads.
+        model_parameters, sensor_parameters, law_parameters: lengths of the parameter vectors.
+        controls, references: numbers of the command and of the reference (0 without control).
+    """
+
+    states: int
+    inputs: int
+    noises: int
+    sensors: int
+    filters: int
+    payload: int
+    slots: int
+    model_parameters: int
+    sensor_parameters: int
+    law_parameters: int
+    controls: int
+    references: int
+
+
+def record(*fields: tuple[str, str] | tuple[str, str, tuple[int, ...]]) -> np.dtype[np.record]:
+    """A packed record dtype whose scalars have attributes; every subarray has at least one element."""
+    sized = [(f[0], f[1], tuple(max(1, k) for k in f[2])) if len(f) == 3 else f for f in fields]
+    return np.dtype((np.record, sized))
+
+
+def reading_dtype(payload: int) -> np.dtype[np.record]:
+    """One reading or event. `sensor` is its number in the order of the configuration's sensors, TICK for a tick.
+
+    `length` is how many numbers were sent (z holds the first `payload` of them); `flags` see HAS_*.
+    """
+    return record(
+        ("t_ns", "<i8"), ("arrival_ns", "<i8"), ("seq", "<u8"), ("sensor", "<i4"), ("length", "<i4"),
+        ("flags", "<i8"), ("z", "<f8", (payload,)), ("R", "<f8", (payload, payload)),
+    )  # fmt: skip
+
+
+def report_dtype(shape: Shape) -> np.dtype[np.record]:
+    """What was decided about one reading, and the state after it.
+
+    nu, S, R_used, R_declared: innovation z - h(x), diagonals of its covariance and of R, prior to the update.
+    e: the innovation whitened channel by channel, unit variance under the model.  nis = sum e^2, dof terms.
+    limit: largest nis the gate lets pass (infinite: no gate).   state_t_ns: time of x and std.
+    health: of every sensor after the reading.   command_due: 1 where a command was computed.
+    """
+    m, n, s, k = shape.payload, shape.states, shape.sensors, shape.controls
+    return record(
+        ("t_ns", "<i8"), ("arrival_ns", "<i8"), ("seq", "<u8"), ("sensor", "<i4"), ("verdict", "<i4"),
+        ("action", "<i4"), ("dof", "<i4"), ("length", "<i4"), ("service", "<i4"), ("health", "<i4", (s,)),
+        ("z", "<f8", (m,)), ("nu", "<f8", (m,)), ("S", "<f8", (m,)), ("e", "<f8", (m,)),
+        ("R_used", "<f8", (m,)), ("R_declared", "<f8", (m,)), ("nis", "<f8"), ("limit", "<f8"),
+        ("state_t_ns", "<i8"), ("x", "<f8", (n,)), ("std", "<f8", (n,)),
+        ("command_due", "<i4"), ("command_valid", "<i4"), ("command", "<f8", (k,)),
+    )  # fmt: skip
+
+
+def track_dtype(shape: Shape) -> np.dtype[np.record]:
+    """Everything the estimator remembers. Row 0 of x, U, d is the centralized filter, row j leaves one sensor out.
+
+    Each filter has its own time: it is predicted only when one of its own readings comes, so that leaving a sensor
+    out is, bit for bit, a run that never had it. U is unit upper triangular (only its upper part is meant), d >= 0.
+    u: the inputs held now, u_var their variances.   sensor_t_ns, sensor_z: last used reading of each sensor.
+    """
+    n, f, s, m, ni = shape.states, shape.filters, shape.sensors, shape.payload, shape.inputs
+    return record(
+        ("started", "<i8"), ("t_ns", "<i8"), ("start_ns", "<i8"), ("update_ns", "<i8"), ("resets", "<i8"),
+        ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, n)), ("U", "<f8", (f, n, n)), ("d", "<f8", (f, n)),
+        ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
+        ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
+    )  # fmt: skip
+
+
+def desk_dtype(shape: Shape) -> np.dtype[np.record]:
+    """What must not be rolled back: clocks of arrival, the ring's marks, and the controller.
+
+    ring_first: absolute number of the oldest reading in the ring; ring_count: readings in it.
+    newest_*: newest accepted reading.  odd_*: run of readings whose stamps disagree with that clock.
+    seq_top, seq_seen: highest sequence number of each sensor and which of the 64 up to it came (bit 0: the highest).
+    """
+    k, s = shape.controls, shape.sensors
+    return record(
+        ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
+        ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
+        ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
+        ("reference_t_ns", "<i8"), ("reference", "<f8", (shape.references,)), ("has_reference", "<i8"),
+        ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)),
+        ("command", "<f8", (k,)), ("command_due_ns", "<i8"), ("command_started", "<i8"),
+    )  # fmt: skip
+
+
+def design_dtype(shape: Shape) -> np.dtype[np.record]:
+    """The tables made at design time and read at run time; never written by the step.
+
+    x0, U0, d0: initial state.  p: model parameters.  Per sensor: role, length (numbers it sends), dof (channels
+    measured), lower/upper (allowed range), R_U, R_d (its R as U diag(d) U'), at (state slots it reads), sp (its
+    parameters), wraps (channels that are angles, rad), drives (inputs it sets, -1 none), hold, holds_value, loo
+    (row of the filter that leaves it out, -1 none), silence_ns (longest healthy silence, 0 never silent).
+    step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
+    """
+    n, s, m = shape.states, shape.sensors, shape.payload
+    return record(
+        ("x0", "<f8", (n,)), ("U0", "<f8", (n, n)), ("d0", "<f8", (n,)), ("p", "<f8", (shape.model_parameters,)),
+        ("angle", "<i4", (n,)),
+        ("role", "<i4", (s,)), ("length", "<i4", (s,)), ("dof", "<i4", (s,)),
+        ("lower", "<f8", (s, m)), ("upper", "<f8", (s, m)),
+        ("R_U", "<f8", (s, m, m)), ("R_d", "<f8", (s, m)), ("R", "<f8", (s, m)),
+        ("at", "<i8", (s, shape.slots)), ("sp", "<f8", (s, shape.sensor_parameters)),
+        ("wraps", "<i4", (s, m)), ("drives", "<i4", (s, m)), ("hold", "<i4", (s,)), ("holds_value", "<i4", (s,)),
+        ("loo", "<i4", (s,)), ("silence_ns", "<i8", (s,)),
+        ("step_ns", "<i8"), ("max_step_ns", "<i8"), ("horizon_ns", "<i8"), ("ahead_ns", "<i8"), ("resync", "<i8"),
+        ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
+        ("control_period_ns", "<i8"), ("c", "<f8", (shape.law_parameters,)), ("law_at", "<i8", (shape.slots,)),
+    )  # fmt: skip
+
+
+def work_dtype(shape: Shape) -> np.dtype[np.record]:
+    """Scratch of the step: nothing in it outlives a call but the discretisation of the last intervals.
+
+    cache_*: F, B, c, G, q of a linear model by interval, so that a regular stream is discretised once.
+    """
+    n, m, ni, q = shape.states, shape.payload, shape.inputs, shape.noises
+    return record(
+        ("x", "<f8", (n,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)), ("G", "<f8", (n, q)), ("q", "<f8", (q,)),
+        ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)), ("U", "<f8", (n, n)), ("d", "<f8", (n,)),
+        ("h", "<f8", (m,)), ("H", "<f8", (m, n)), ("nu", "<f8", (m,)), ("R_U", "<f8", (m, m)), ("R_d", "<f8", (m,)),
+        ("R", "<f8", (m, m)), ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("x_prior", "<f8", (n,)),
+        ("cache_dt_ns", "<i8", (CACHE,)), ("cache_F", "<f8", (CACHE, n, n)), ("cache_B", "<f8", (CACHE, n, ni)),
+        ("cache_c", "<f8", (CACHE, n)),
+        ("cache_G", "<f8", (CACHE, n, q)), ("cache_q", "<f8", (CACHE, q)),
+    )  # fmt: skip
+
+
+CACHE = 8
+"""Intervals whose discretisation a linear model remembers."""

@@ -1,0 +1,33 @@
+"""One interval of a nonlinear model, linearised at the prior mean. `assembly` copies this file as `advance.py`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fusiond.numerics.kernel import kernel
+from fusiond.numerics.ud import thornton_predict
+
+from .process import noise, transition
+from .sizes import INPUTS, NOISES, STATES
+
+
+@kernel
+def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
+    """Predict filter `row` over one interval. Reads track.u, u_var; writes its x, U, d (not its time)."""
+    x = track.x[row]
+    work.F[:] = 0.0
+    work.B[:] = 0.0
+    work.G[:] = 0.0
+    dt_s = dt_ns * 1e-9
+    transition(x, track.u, dt_s, design.p, work.x, work.F, work.B)
+    noise(x, dt_s, design.p, work.G, work.q)
+    x[:] = work.x
+    for j in range(NOISES):
+        work.w_d[STATES + j] = work.q[j]
+        for i in range(STATES):
+            work.W[STATES + j, i] = work.G[i, j]
+    for j in range(INPUTS):
+        work.w_d[STATES + NOISES + j] = track.u_var[j]
+        for i in range(STATES):
+            work.W[STATES + NOISES + j, i] = work.B[i, j]
+    thornton_predict(track.U[row], track.d[row], work.F, work.W, work.w_d, work.a)

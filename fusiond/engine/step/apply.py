@@ -1,0 +1,98 @@
+"""What one reading, in its place in time, does to the track."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fusiond.engine.records import HAS_R
+from fusiond.numerics.kernel import kernel
+from fusiond.types import Hold, Role, Verdict
+
+from .predict import predict
+from .sizes import FILTERS, SENSORS
+from .update import correct
+
+INPUT = int(Role.INPUT)
+PREVIOUS = int(Hold.PREVIOUS)
+USED = int(Verdict.USED)
+HELD = int(Verdict.HELD)
+
+
+@kernel
+def start(track: Any, design: Any, t_ns: int) -> None:
+    """Begin at the first reading's stamp, with the configured initial state."""
+    track.started = 1
+    track.start_ns = t_ns
+    track.t_ns = t_ns
+    track.update_ns = t_ns
+    for row in range(FILTERS):
+        track.filter_t_ns[row] = t_ns
+        track.x[row][:] = design.x0
+        track.U[row][:, :] = design.U0
+        track.d[row][:] = design.d0
+    for sensor in range(SENSORS):
+        track.sensor_seen[sensor] = 0
+        track.sensor_t_ns[sensor] = t_ns
+
+
+@kernel
+def hold_input(track: Any, design: Any, reading: Any, report: Any) -> None:
+    """Hold the numbers of an input, and their variances, in track.u, u_var."""
+    sensor = reading.sensor
+    for i in range(design.length[sensor]):
+        driven = design.drives[sensor, i]
+        variance = reading.R[i, i] if reading.flags & HAS_R else design.R[sensor, i]
+        track.u[driven] = reading.z[i]
+        track.u_var[driven] = variance
+        report.R_used[i] = variance
+        report.R_declared[i] = variance
+
+
+@kernel
+def drive(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
+    """An input moves every filter to its stamp: with itself (hold previous) or with what was held (hold next)."""
+    if design.hold[reading.sensor] == PREVIOUS:
+        hold_input(track, design, reading, report)
+    for row in range(FILTERS):
+        predict(track, design, work, row, reading.t_ns)
+    if design.hold[reading.sensor] != PREVIOUS:
+        hold_input(track, design, reading, report)
+
+
+@kernel
+def repeats(track: Any, design: Any, reading: Any) -> bool:
+    """Whether the reading only repeats the last value of a sensor that holds it between fixes."""
+    sensor = reading.sensor
+    if not (design.holds_value[sensor] and track.sensor_seen[sensor]):
+        return False
+    for i in range(design.length[sensor]):
+        if track.sensor_z[sensor, i] != reading.z[i]:
+            return False
+    return True
+
+
+@kernel
+def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
+    """Apply one screened reading, no older than the last one applied. Writes report.verdict, nu, S, R_*, e, nis.
+
+    A filter of the leave-one-out bank is left wholly untouched by the sensor it leaves out.
+    """
+    sensor = reading.sensor
+    if not track.started:
+        start(track, design, reading.t_ns)
+    track.t_ns = reading.t_ns
+    track.sensor_t_ns[sensor] = reading.t_ns
+    if repeats(track, design, reading):
+        report.verdict = HELD
+        return
+    report.verdict = USED
+    if design.role[sensor] == INPUT:
+        drive(track, design, work, reading, report)
+    else:
+        for row in range(FILTERS):
+            if row != design.loo[sensor]:
+                correct(track, design, work, row, reading, report)
+        track.update_ns = reading.t_ns
+    track.sensor_seen[sensor] = 1
+    for i in range(design.length[sensor]):
+        track.sensor_z[sensor, i] = reading.z[i]

@@ -1,0 +1,78 @@
+"""The end of a step: the state, the health of everything by the age of its data, and the command."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fusiond.numerics.kernel import kernel
+from fusiond.numerics.ud import ud_variance
+from fusiond.types import Health, ServiceHealth
+
+from .law import command
+from .sizes import CONTROLS, SENSORS, STATES
+
+HEALTHY = int(Health.HEALTHY)
+SILENT = int(Health.SILENT)
+NOMINAL = int(ServiceHealth.NOMINAL)
+DEGRADED = int(ServiceHealth.DEGRADED)
+DEAD_RECKONING = int(ServiceHealth.DEAD_RECKONING)
+INVALID = int(ServiceHealth.INVALID)
+
+
+@kernel
+def describe_state(track: Any, report: Any) -> bool:
+    """Write x and std of the centralized filter; False where they are not finite."""
+    finite = True
+    for i in range(STATES):
+        report.x[i] = track.x[0, i]
+        report.std[i] = np.sqrt(ud_variance(track.U[0], track.d[0], i))
+        finite = finite and np.isfinite(report.x[i]) and np.isfinite(report.std[i])
+    report.state_t_ns = track.filter_t_ns[0]
+    return finite
+
+
+@kernel
+def judge_health(track: Any, design: Any, now_ns: int, finite: bool, report: Any) -> None:
+    """Write report.health of every sensor and report.service, by the age of their data at now_ns."""
+    silent = False
+    for sensor in range(SENSORS):
+        age_ns = now_ns - track.sensor_t_ns[sensor]
+        quiet = track.started and 0 < design.silence_ns[sensor] < age_ns
+        report.health[sensor] = SILENT if quiet else HEALTHY
+        silent = silent or quiet
+    age_ns = now_ns - track.update_ns
+    if not (track.started and finite) or age_ns > design.invalid_ns:
+        report.service = INVALID
+    elif age_ns > design.dead_reckoning_ns:
+        report.service = DEAD_RECKONING
+    else:
+        report.service = DEGRADED if silent else NOMINAL
+
+
+@kernel
+def steer(desk: Any, design: Any, now_ns: int, report: Any) -> None:
+    """Compute a command when one is due, from the state in the report; times of commands lie on a regular grid."""
+    if desk.command_started and now_ns < desk.command_due_ns:
+        return
+    if not desk.command_started:
+        desk.command_due_ns = now_ns
+        desk.command_started = 1
+    periods = (now_ns - desk.command_due_ns) // design.control_period_ns + 1
+    desk.command_due_ns += periods * design.control_period_ns
+    report.command_due = 1
+    if desk.has_reference and report.service != INVALID:
+        command(report.x, desk.reference, design.law_at, design.c, desk.command)
+        report.command_valid = 1
+    for i in range(CONTROLS):
+        report.command[i] = desk.command[i]
+
+
+@kernel
+def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None:
+    """Complete the report of one reading or tick."""
+    finite = describe_state(track, report)
+    judge_health(track, design, now_ns, finite, report)
+    if CONTROLS > 0 and track.started:
+        steer(desk, design, now_ns, report)

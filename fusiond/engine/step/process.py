@@ -1,0 +1,14 @@
+"""Process model of the template: a scalar random walk."""
+
+from __future__ import annotations
+
+from fusiond.numerics.kernel import kernel
+from fusiond.numerics.ud import Matrix, Vector
+
+
+@kernel
+def discretise(dt_s: float, p: Vector, F: Matrix, B: Matrix, c: Vector, G: Matrix, q: Vector) -> None:
+    """x' = white noise of spectral density p[0]."""
+    F[0, 0] = 1.0
+    G[0, 0] = 1.0
+    q[0] = p[0] * dt_s

@@ -1,0 +1,186 @@
+"""The compiled entry: a batch of readings in arrival order through the whole step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fusiond.numerics.kernel import entry, kernel
+from fusiond.numerics.ud import ud_compose
+from fusiond.types import TICK, Action, Role, Verdict
+
+from .apply import apply
+from .finish import finish
+from .predict import predict
+from .screen import comes_after, note_sequence, same_values, screen, sequence_repeats
+from .sizes import PAYLOAD, SNAPSHOT_EVERY
+from .timing import follow_jump, judge_stamp, note_stamp, time_jumped
+
+USED = int(Verdict.USED)
+DUPLICATE = int(Verdict.DUPLICATE)
+REFERENCE = int(Role.REFERENCE)
+APPLIED = int(Role.APPLIED)
+NONE = int(Action.NONE)
+REPLAYED = int(Action.REPLAYED)
+
+
+@kernel
+def begin_report(reading: Any, report: Any) -> None:
+    """Copy what the reading says; the rest of the report is zeroed by the caller."""
+    report.t_ns = reading.t_ns
+    report.arrival_ns = reading.arrival_ns
+    report.seq = reading.seq
+    report.sensor = reading.sensor
+    report.length = reading.length
+    for i in range(PAYLOAD):
+        report.z[i] = reading.z[i]
+
+
+@kernel
+def accept(desk: Any, design: Any, reading: Any) -> None:
+    """Hand a reference or an acknowledgement to the controller; an older one than the last changes nothing."""
+    if design.role[reading.sensor] == REFERENCE:
+        if not desk.has_reference or reading.t_ns >= desk.reference_t_ns:
+            desk.has_reference = 1
+            desk.reference_t_ns = reading.t_ns
+            for i in range(reading.length):
+                desk.reference[i] = reading.z[i]
+    elif reading.t_ns >= desk.applied_t_ns:
+        desk.applied_t_ns = reading.t_ns
+        for i in range(reading.length):
+            desk.applied[i] = reading.z[i]
+
+
+@kernel
+def ring_is_full(desk: Any, design: Any, ring: Any) -> bool:
+    """Whether taking one more reading would push out one that a late reading inside the horizon may need."""
+    size = ring.shape[0]
+    if desk.ring_count < size:
+        return False
+    oldest_needed = ring[(desk.ring_first + SNAPSHOT_EVERY) % size]
+    return bool(oldest_needed.t_ns >= desk.newest_t_ns - design.horizon_ns)
+
+
+@kernel
+def place_of(desk: Any, ring: Any, reading: Any) -> int:
+    """Absolute place of the reading in the ring, or -1 where an equal one is there already."""
+    size = ring.shape[0]
+    place = desk.ring_first + desk.ring_count
+    while place > desk.ring_first:
+        before = ring[(place - 1) % size]
+        if not comes_after(before, reading):
+            break
+        place -= 1
+    scan = place - 1
+    while scan >= desk.ring_first and ring[scan % size].t_ns == reading.t_ns:
+        other = ring[scan % size]
+        if other.sensor == reading.sensor and other.seq == reading.seq and same_values(other, reading):
+            return -1
+        scan -= 1
+    return int(place)
+
+
+@kernel
+def insert(desk: Any, ring: Any, reading: Any, place: int) -> None:
+    """Put the reading at its place; later ones move up, and a full ring forgets its oldest."""
+    size = ring.shape[0]
+    if desk.ring_count == size:
+        desk.ring_first += 1
+        desk.ring_count -= 1
+    last = desk.ring_first + desk.ring_count
+    for k in range(last, place, -1):
+        ring[k % size] = ring[(k - 1) % size]
+    ring[place % size] = reading
+    desk.ring_count += 1
+
+
+@kernel
+def advance_from(
+    tracks: Any, desk: Any, design: Any, work: Any, spare: Any, ring: Any, snapshots: Any, marks: Any,
+    place: int, report: Any,
+) -> None:  # fmt: skip
+    """Apply the ring from `place` to its end, from the snapshot before it where that is not the end already."""
+    size, kept = ring.shape[0], snapshots.shape[0]
+    end = desk.ring_first + desk.ring_count
+    first = place
+    if place < end - 1:
+        first = place // SNAPSHOT_EVERY * SNAPSHOT_EVERY
+        tracks[0] = snapshots[first // SNAPSHOT_EVERY % kept]
+        report.action = REPLAYED
+    for k in range(first, end):
+        if k % SNAPSHOT_EVERY == 0:
+            snapshots[k // SNAPSHOT_EVERY % kept] = tracks[0]
+            marks[k // SNAPSHOT_EVERY % kept] = k
+        if k == place:
+            apply(tracks[0], design, work, ring[k % size], report)
+        else:
+            apply(tracks[0], design, work, ring[k % size], spare)
+
+
+@kernel
+def take(
+    tracks: Any, desk: Any, design: Any, work: Any, spare: Any, ring: Any, snapshots: Any, marks: Any,
+    reading: Any, report: Any,
+) -> None:  # fmt: skip
+    """Take one reading that is not a tick: screen, place in time, apply or replay."""
+    track = tracks[0]
+    report.verdict = screen(track, design, work, reading)
+    if report.verdict != USED:
+        return
+    if sequence_repeats(desk, reading):
+        report.verdict = DUPLICATE
+        return
+    role = design.role[reading.sensor]
+    if role == REFERENCE or role == APPLIED:
+        accept(desk, design, reading)
+        note_sequence(desk, reading)
+        return
+    report.verdict = judge_stamp(desk, design, reading)
+    if report.verdict != USED:
+        if not time_jumped(desk, design, reading):
+            return
+        report.action = follow_jump(track, desk, design, marks, reading)
+    place = place_of(desk, ring, reading)
+    if place < 0:
+        report.verdict = DUPLICATE
+        return
+    note_stamp(desk, reading)
+    note_sequence(desk, reading)
+    insert(desk, ring, reading, place)
+    advance_from(tracks, desk, design, work, spare, ring, snapshots, marks, place, report)
+
+
+@entry
+def run(
+    tracks: Any, desks: Any, design: Any, works: Any, spares: Any, ring: Any, snapshots: Any, marks: Any,
+    readings: Any, reports: Any, covariances: Any,
+) -> int:  # fmt: skip
+    """Take readings in the order given and write a report on each.
+
+    Args:
+        tracks, desks, design, works: one record each.   spares: (1,) track record and (1,) report record, scratch.
+        ring, snapshots, marks: history; a snapshot marked k is the track before absolute reading k was applied.
+        readings, reports: as many of one as of the other, reports zeroed.
+        covariances: (count, n, n), the centralized covariance after each reading; (0, n, n) where nobody asks.
+    Returns:
+        How many were taken; fewer than given means that the ring must grow before the next.
+    """
+    desk, work = desks[0], works[0]
+    spare_tracks, spare_reports = spares
+    for k in range(readings.shape[0]):
+        if ring_is_full(desk, design[0], ring):
+            return k
+        reading, report = readings[k], reports[k]
+        begin_report(reading, report)
+        if reading.sensor == TICK:
+            spare_tracks[0] = tracks[0]
+            if tracks[0].started:
+                predict(spare_tracks[0], design[0], work, 0, reading.t_ns)
+            finish(spare_tracks[0], desk, design[0], reading.t_ns, report)
+        else:
+            take(
+                tracks, desk, design[0], work, spare_reports[0], ring, snapshots, marks, reading, report
+            )
+            finish(tracks[0], desk, design[0], tracks[0].t_ns, report)
+        if covariances.shape[0] > 0:
+            ud_compose(tracks[0].U[0], tracks[0].d[0], covariances[k])
+    return readings.shape[0]

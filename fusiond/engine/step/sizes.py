@@ -1,0 +1,12 @@
+"""Sizes of the records as compile-time constants, so that loops unroll; `assembly` writes a configuration's own."""
+
+STATES = 1
+INPUTS = 0
+NOISES = 1
+SENSORS = 1
+FILTERS = 2
+PAYLOAD = 1
+CONTROLS = 0
+REFERENCES = 0
+SNAPSHOT_EVERY = 8
+"""Readings between two snapshots of the track; a rollback replays at most that many more than it must."""

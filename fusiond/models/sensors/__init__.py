@@ -1,0 +1,1 @@
+"""Sensor models: what a reading says about the state."""
