@@ -1,0 +1,72 @@
+"""From a row's fields to SI numbers: scale, conversion, projection, rotation."""
+
+from __future__ import annotations
+
+import math
+
+from fusiond.recording.importing.mapping import Value
+from fusiond.recording.importing.rows import Row
+
+EQUATOR_M = 6_378_137.0
+"""Semi-major axis of WGS-84, m."""
+ECCENTRICITY_2 = 6.694_379_990_141e-3
+"""Square of the first eccentricity of WGS-84."""
+
+
+class Projection:
+    """Local tangent plane round an origin, equirectangular on the WGS-84 radii of curvature.
+
+    east = N cos(lat0) (lon - lon0), north = M (lat - lat0), with N and M the prime vertical's and the
+    meridian's radius at lat0. Wrong by about d^2 tan(lat0) / (2 N) at a distance d from the origin: 0.1 m at
+    1 km in Europe.
+    """
+
+    def __init__(self, origin_deg: tuple[float, float] | None) -> None:
+        self._origin_deg = origin_deg
+
+    def east_north_m(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """East and north of the origin, m; without one, the first call's position becomes it."""
+        if self._origin_deg is None:
+            self._origin_deg = (latitude_deg, longitude_deg)
+        lat0, lon0 = map(math.radians, self._origin_deg)
+        curvature = 1.0 - ECCENTRICITY_2 * math.sin(lat0) ** 2
+        prime_vertical_m = EQUATOR_M / math.sqrt(curvature)
+        meridian_m = EQUATOR_M * (1.0 - ECCENTRICITY_2) / curvature**1.5
+        east_rad = wrapped(math.radians(longitude_deg) - lon0)
+        return prime_vertical_m * math.cos(lat0) * east_rad, meridian_m * (math.radians(latitude_deg) - lat0)
+
+
+def wrapped(angle_rad: float) -> float:
+    """The same angle within [-pi, pi)."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def yaw_rad(x: float, y: float, z: float, w: float) -> float:
+    """Rotation about the vertical of a quaternion (z-y-x angles), counter-clockwise from the x axis."""
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def number_of(value: Value, row: Row, projection: Projection) -> float:
+    """One number of a reading. Raises: MissingField; ValueError where the row has no number there."""
+    fields = [row.number(field) for field in value.fields]
+    if value.kind == "from":
+        number = fields[0]
+    elif value.kind == "yaw_of":
+        number = yaw_rad(*fields)
+    else:
+        number = projection.east_north_m(*fields)[0 if value.kind == "east_of" else 1]
+    number = converted(number, value.convert) * value.scale + value.offset
+    return wrapped(number) if value.wrap else number
+
+
+def converted(number: float, convert: str) -> float:
+    """A conversion by name; a course counts clockwise from north, a yaw counter-clockwise from east, within a
+    turn.
+    """
+    if convert == "deg_to_rad":
+        return math.radians(number)
+    if convert == "km_h_to_m_s":
+        return number / 3.6
+    if convert == "course_deg_to_yaw_rad":
+        return wrapped(math.pi / 2.0 - math.radians(number))
+    return number
