@@ -1,0 +1,264 @@
+"""The daemon's life: startup, main_loop, shutdown. One thread owns all state; the others only hand it things."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import zenoh
+from numpy.typing import NDArray
+
+from fusiond.engine.records import HAS_ARRIVAL
+from fusiond.service.admin import Admin, Refusal
+from fusiond.service.clock import Clock
+from fusiond.service.counters import Counters
+from fusiond.service.health_watch import HealthWatch, Transition
+from fusiond.service.intake import IGNORED, Intake
+from fusiond.service.mailbox import Arrival, Mailbox
+from fusiond.service.messages import INVALID, SERVICE_LABELS
+from fusiond.service.notify import Notifier
+from fusiond.service.outputs import Outputs
+from fusiond.service.sessions import Sessions, open_sessions
+from fusiond.service.settings import Settings, settings_of
+from fusiond.service.status import configuration, status
+from fusiond.service.telemetry import Voice
+from fusiond.service.wire import Decoder
+from fusiond.types import TICK, Health
+
+MOST_AT_ONCE = 512
+"""Puts taken in one round: bounds the time until the loop looks up again."""
+HOUSEKEEPING_NS = 1_000_000_000
+LONGEST_WAIT_NS = 100_000_000
+"""Longest sleep of the loop: a stop, and the watchdog, never wait longer."""
+JOIN_S = 0.2
+
+
+class Recorder(Protocol):
+    """Where the daemon writes what it decided; never makes it wait (`recording.background.BackgroundWriter`)."""
+
+    dropped: dict[str, int]
+    error: str
+
+    def put_readings(self, block: NDArray[Any]) -> bool:
+        """Readings and ticks, in the order processed."""
+
+    def put_reports(self, block: NDArray[Any]) -> bool:
+        """Their reports."""
+
+    def put_message(self, topic: str, payload: bytes, t_ns: int, log_time_ns: int) -> bool:
+        """A JSON message that went out."""
+
+
+class Daemon:
+    """One running configuration.
+
+    Args:
+        assembly: gives `config`, `layout` and a fresh `engine()`.
+        listen, connect: endpoints instead of the configuration's; empty: as configured.
+    """
+
+    def __init__(
+        self, assembly: Any, *, listen: Sequence[str] = (), connect: Sequence[str] = (),
+        recorder: Recorder | None = None, voice: Voice, clock: Clock | None = None, notifier: Notifier | None = None,
+    ) -> None:  # fmt: skip
+        self.assembly = assembly
+        self.settings: Settings = settings_of(assembly.config, assembly.layout, listen, connect)
+        self.clock = clock or Clock()
+        self.voice = voice
+        self._recorder = recorder
+        self._notifier = notifier or Notifier()
+        self._stopping = False
+        self._opened: Sessions | None = None
+        self.mailbox = Mailbox(self.settings.ring)
+
+    def stop(self) -> None:
+        """End the loop after the round it is in; allowed in a signal handler."""
+        self._stopping = True
+        self.mailbox.ring()
+
+    def startup(self) -> tuple[str, ...]:
+        """Compile, open, subscribe, and only then declare to be alive.
+
+        Returns: the endpoints where clients reach the daemon.
+        Raises: ConnectionFailed.
+        """
+        settings, layout = self.settings, self.assembly.layout
+        # One reading through an engine that is thrown away: the step is compiled, or loaded, before anybody waits.
+        self.assembly.engine().process(np.zeros(1, layout.reading))
+        self.engine = self.assembly.engine()
+        self.started_ns = self.clock.now_ns()
+        self.epoch = self.started_ns // 1_000_000
+        self._decoder, self._counters, self._watch = Decoder(layout), Counters(layout), HealthWatch(layout)
+        self._resets = 0
+        self._tick = np.zeros(1, layout.reading)
+        self._tick["sensor"], self._tick["flags"] = TICK, HAS_ARRIVAL
+        self._tick_period_ns = round(1e9 / settings.tick_hz)
+        self._tick_due_ns = self._housekeeping_due_ns = 0
+        self._opened = self.sessions = open_sessions(
+            settings.mode, settings.listen, settings.connect, multicast=settings.multicast,
+            give_up=lambda: self._stopping,
+        )  # fmt: skip
+        self._open_keys()
+        return self.sessions.endpoints
+
+    def main_loop(self) -> None:
+        """Go round until told to stop."""
+        while not self._stopping:
+            self.round()
+
+    def shutdown(self) -> bool:
+        """Close everything. False where a thread did not end, which must not keep the process."""
+        self._notifier.stopping()
+        if self._opened is None:
+            return True
+        self._opened.close()
+        self._admin.close(JOIN_S)
+        return self._intake.join(JOIN_S)
+
+    def round(self) -> None:
+        """Wait for readings or the next deadline, take what there is, let time pass, look after the house."""
+        now_ns = self.clock.now_ns()
+        due_ns = min(self._tick_due_ns, self._housekeeping_due_ns, now_ns + LONGEST_WAIT_NS)
+        arrivals = self.mailbox.take((due_ns - now_ns) / 1e9, MOST_AT_ONCE)
+        if arrivals:
+            self._take(arrivals)
+        self._admin.answer_pending()
+        now_ns = self.clock.now_ns()
+        if now_ns >= self._tick_due_ns and not len(self.mailbox):
+            self._let_time_pass(now_ns)
+        if now_ns >= self._housekeeping_due_ns:
+            self._keep_house(now_ns)
+        self._notifier.went_round(now_ns)
+
+    def _open_keys(self) -> None:
+        settings, layout = self.settings, self.assembly.layout
+        self._outputs = Outputs(
+            self.sessions.control, layout, settings.prefix, epoch=self.epoch, publish_hz=settings.publish_hz,
+            record_hz=settings.record_hz, packed=settings.packed, derived=self.engine.outputs,
+            say=self._say if self._recorder else None,
+        )  # fmt: skip
+        answers = {"status": self._status, "config": self._config, "command/reset": self._reset}
+        self._admin = Admin(self.sessions.admin, settings.prefix, answers, self.mailbox.ring)
+        self._intake = Intake(
+            self.sessions.sensors,
+            layout,
+            settings.prefix,
+            settings.keys,
+            settings.ring,
+            self.mailbox,
+            self.clock,
+        )
+        self._token: zenoh.LivelinessToken = self.sessions.control.liveliness().declare_token(
+            f"{settings.prefix}/alive/fusion/{self.sessions.control.zid()}"
+        )
+        self._notifier.ready()
+
+    def _take(self, arrivals: list[Arrival]) -> None:
+        decoder, intake = self._decoder, self._intake
+        decoder.begin()
+        for arrival_ns, route, sample in arrivals:
+            sensor = intake.sensor_of(route, sample)
+            if sensor != IGNORED:
+                decoder.add(sensor, arrival_ns, str(sample.encoding), sample.payload.to_bytes())
+        readings = decoder.readings()
+        if len(readings):
+            reports = self._process(readings)
+            self._counters.note(readings, reports)
+
+    def _process(self, readings: NDArray[Any]) -> NDArray[Any]:
+        reports: NDArray[Any] = self.engine.process(readings)
+        self._outputs.publish(reports, self._resets + int(self.engine.track["resets"][0]))
+        for change in self._watch.observe(reports):
+            self._outputs.transition(change)
+            self._tell(change)
+            self._housekeeping_due_ns = 0
+        if self._recorder is not None:
+            self._recorder.put_readings(readings)
+            self._recorder.put_reports(reports)
+        return reports
+
+    def _let_time_pass(self, now_ns: int) -> None:
+        """Where no accepted reading says how late it is, a tick does: the newest stamp plus what passed since."""
+        self._tick_due_ns = now_ns + self._tick_period_ns
+        desk = self.engine.desk
+        if not desk["has_arrival"][0]:
+            return
+        passed_ns = now_ns - int(desk["newest_arrival_ns"][0])
+        if passed_ns < self._tick_period_ns:
+            self._tick_due_ns = now_ns - passed_ns + self._tick_period_ns
+            return
+        self._tick["t_ns"] = int(desk["newest_t_ns"][0]) + passed_ns
+        self._tick["arrival_ns"] = now_ns
+        self._counters.ticks += 1
+        self._process(self._tick)
+
+    def _keep_house(self, now_ns: int) -> None:
+        """Once a second, and after every change of health."""
+        self._housekeeping_due_ns = now_ns + HOUSEKEEPING_NS
+        self._outputs.health(int(self.engine.desk["newest_t_ns"][0]), self._watch)
+        self._outputs.look_who_asks()
+        self._counters.rate(now_ns)
+        self._complain(now_ns)
+
+    def _complain(self, now_ns: int) -> None:
+        for verdict, count in self._decoder.refusals.counts.items():
+            first = self._decoder.refusals.first[verdict]
+            self.voice.warn(
+                f"refused {verdict.label} {count}", now_ns,
+                f"intake: {count} refused as {verdict.label}, the first from {first}; correct the sender",
+            )  # fmt: skip
+        if self.mailbox.dropped:
+            self.voice.warn(
+                f"dropped {self.mailbox.dropped}", now_ns,
+                f"intake: {self.mailbox.dropped} puts dropped (limit {self.mailbox.capacity} waiting); "
+                "pack several readings in a put, or raise service.ring",
+            )  # fmt: skip
+        if self._recorder is not None and self._recorder.error:
+            self.voice.warn("recording", now_ns, self._recorder.error)
+
+    def _tell(self, change: Transition) -> None:
+        subject = change.sensor or "service"
+        text = f"{subject}: {change.before} -> {change.after}"
+        if change.sensor is None:
+            text += " since nothing corrected the state in time" if change.after != "nominal" else ""
+        elif change.after == Health.SILENT.label:
+            limit_s = self.settings.silence_s.get(change.sensor)
+            text = (
+                f"{subject}: silent (limit {limit_s:g} s); withheld until its next reading"
+                if limit_s
+                else text
+            )
+        self.voice.info(text, t_s=change.t_ns / 1e9)
+
+    def _say(self, topic: str, payload: bytes, t_ns: int) -> None:
+        assert self._recorder is not None
+        self._recorder.put_message(topic, payload, t_ns, self.clock.now_ns())
+
+    def _status(self, _: Mapping[str, Any]) -> dict[str, Any]:
+        return status(
+            config=self.assembly.config, mode=self.settings.mode, endpoints=self.sessions.endpoints,
+            epoch=self.epoch, uptime_s=(self.clock.now_ns() - self.started_ns) / 1e9,
+            resets=self._resets + int(self.engine.track["resets"][0]), counters=self._counters,
+            decoder=self._decoder, watch=self._watch, mailbox=self.mailbox, latest=self._outputs.latest,
+            recorder=self._recorder,
+        )  # fmt: skip
+
+    def _config(self, _: Mapping[str, Any]) -> dict[str, Any]:
+        return configuration(self.assembly.config, self.assembly.layout)
+
+    def _reset(self, _: Mapping[str, Any]) -> dict[str, Any]:
+        """Set the state to its initial value, as if the daemon had just begun."""
+        if self._recorder is not None:
+            raise Refusal(
+                "recording",
+                "reset: a replay of this recording could not repeat it; stop and start the daemon",
+            )
+        t_ns = int(self.engine.desk["newest_t_ns"][0])
+        self._resets += 1 + int(self.engine.track["resets"][0])
+        self.engine.reset()
+        self._outputs.transition(Transition(t_ns, None, SERVICE_LABELS[self._watch.service], INVALID))
+        self._watch = HealthWatch(self.assembly.layout)
+        self._housekeeping_due_ns = 0
+        self.voice.info("command: reset; the state starts again with the next reading")
+        return {"done": "reset", "resets": self._resets}

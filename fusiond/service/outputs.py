@@ -1,0 +1,182 @@
+"""Publishers: what of a batch of reports goes out, and how often.
+
+Everything is sent with DROP: a consumer that does not read must never make the loop wait. Commands go at the highest
+priority, one priority for each key, since Zenoh reorders across priorities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import zenoh
+from numpy.typing import NDArray
+
+from fusiond.engine.layout import Layout
+from fusiond.service import output_record
+from fusiond.service.health_watch import HealthWatch, Transition
+from fusiond.service.limiter import RateLimiter
+from fusiond.service.messages import (
+    ControlText,
+    EstimateText,
+    dumps,
+    event_message,
+    health_message,
+    report_message,
+)
+from fusiond.types import Role, ServiceHealth, Verdict
+
+JSON = "application/json"
+DEAD_RECKONING = int(ServiceHealth.DEAD_RECKONING)
+Say = Callable[[str, bytes, int], None]
+"""Told of every JSON message that goes out: topic, bytes, time in ns (the recording)."""
+
+
+class Outputs:
+    """The publishers of one daemon.
+
+    Args:
+        session: gives the results out.      prefix: the namespace.
+        epoch: ms since 1970 when this process's engine began.
+        publish_hz: highest rate of `estimate` and of each `report/SENSOR`, in data time.
+        record_hz: highest rate of estimates told to `say`.
+        packed: estimate and control as records instead of JSON.
+        derived: numbers derived from a state vector, by name.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, layout: Layout, prefix: str, *, epoch: int, publish_hz: float,
+        record_hz: float, packed: bool, derived: Callable[[Any], dict[str, float]], say: Say | None = None,
+    ) -> None:  # fmt: skip
+        self.layout = layout
+        self.epoch = epoch
+        self.latest: str = "null"
+        self._seq = {"estimate": 0, "control": 0, "health": 0, "event": 0}
+        self._packed = packed
+        self._derived = derived if layout.outputs else None
+        self._say = say
+        self._estimate_text, self._control_text = EstimateText(layout), ControlText(layout.controls)
+        self._limit, self._record_limit = RateLimiter(publish_hz), RateLimiter(record_hz)
+        self._record_hz = record_hz
+        self._updating = np.array([sensor.role == Role.UPDATE for sensor in layout.sensors] + [False])
+        self._update_ns: int | None = None
+        estimate, control = (
+            (output_record.ESTIMATE_ENCODING, output_record.CONTROL_ENCODING) if packed else (JSON, JSON)
+        )
+        levels = zenoh.Priority
+        self._publishers = {
+            "estimate": _publisher(session, f"{prefix}/estimate", estimate, levels.INTERACTIVE_HIGH),
+            "control": _publisher(session, f"{prefix}/control", control, levels.REAL_TIME),
+            "health": _publisher(session, f"{prefix}/health", JSON, levels.DATA_HIGH),
+            "event": _publisher(session, f"{prefix}/event", JSON, levels.DATA_HIGH),
+        }
+        self._reports = [
+            _publisher(session, f"{prefix}/report/{sensor.name}", JSON, levels.DATA_LOW)
+            for sensor in layout.sensors
+        ]
+        self._report_limits = [RateLimiter(publish_hz) for _ in layout.sensors]
+        self._report_seq = [0 for _ in layout.sensors]
+        self._asked: list[int] = []
+
+    def publish(self, reports: NDArray[Any], resets: int) -> None:
+        """Send what a batch of reports gives: estimates, commands, and reports somebody listens to."""
+        for k in self._of_interest(reports):
+            report = reports[k]
+            if self._updating[report["sensor"]] and report["verdict"] == Verdict.USED:
+                self._update_ns = int(report["state_t_ns"])
+                self._estimate(report, resets)
+            elif report["service"] >= DEAD_RECKONING:
+                self._estimate(report, resets)
+            if report["command_due"]:
+                self._control(report)
+        if self._asked:
+            self._send_reports(reports)
+
+    def transition(self, change: Transition) -> None:
+        """Send one `event`."""
+        seq = self._next("event")
+        message = event_message(change.t_ns, seq, self.epoch, change.sensor, change.before, change.after)
+        self._put_json("event", dumps(message), change.t_ns)
+
+    def health(self, t_ns: int, watch: HealthWatch) -> None:
+        """Send `health`."""
+        sensors = {sensor.name: int(watch.sensors[sensor.number]) for sensor in self.layout.sensors}
+        message = health_message(t_ns, self._next("health"), self.epoch, watch.service, sensors)
+        self._put_json("health", dumps(message), t_ns)
+
+    def look_who_asks(self) -> None:
+        """Find out whose reports somebody listens to; called now and then, since asking Zenoh takes time."""
+        self._asked = [i for i, publisher in enumerate(self._reports) if is_heard(publisher)]
+
+    def _of_interest(self, reports: NDArray[Any]) -> list[int]:
+        if len(reports) == 1:
+            return [0]
+        used = self._updating[reports["sensor"]] & (reports["verdict"] == Verdict.USED)
+        chosen = used | (reports["command_due"] != 0) | (reports["service"] >= DEAD_RECKONING)
+        return list(np.flatnonzero(chosen))
+
+    def _estimate(self, report: Any, resets: int) -> None:
+        t_ns = int(report["state_t_ns"])
+        goes_out = self._limit.passes(t_ns)
+        goes_down = self._say is not None and self._record_hz > 0 and self._record_limit.passes(t_ns)
+        if not (goes_out or goes_down):
+            return
+        x, std, service = report["x"].tolist(), report["std"].tolist(), int(report["service"])
+        seq = self._next("estimate") if goes_out else self._seq["estimate"]
+        derived = self._derived(report["x"]) if self._derived else {}
+        text = self._estimate_text.text(t_ns, seq, self.epoch, resets, x, std, service, derived)
+        self.latest = text
+        if goes_out and self._packed:
+            record = output_record.encode_estimate(t_ns, seq, self.epoch, resets, x, std, service)
+            self._publishers["estimate"].put(record)
+        elif goes_out:
+            self._publishers["estimate"].put(text)
+        if goes_down and self._say:
+            self._say("estimate", text.encode(), t_ns)
+
+    def _control(self, report: Any) -> None:
+        t_ns, u = int(report["t_ns"]), report["command"][: len(self.layout.controls)].tolist()
+        valid, service = bool(report["command_valid"]), int(report["service"])
+        if self._update_ns is None:
+            self._update_ns = t_ns  # counted from the start, as the engine does
+        age_s = max(0, t_ns - self._update_ns) / 1e9
+        seq = self._next("control")
+        text = self._control_text.text(t_ns, seq, self.epoch, u, valid, age_s, service)
+        if self._packed:
+            self._publishers["control"].put(
+                output_record.encode_control(t_ns, seq, self.epoch, u, valid, age_s, service)
+            )
+        else:
+            self._publishers["control"].put(text)
+        if self._say:
+            self._say("control", text.encode(), t_ns)
+
+    def _send_reports(self, reports: NDArray[Any]) -> None:
+        for number in self._asked:
+            for report in reports[reports["sensor"] == number]:
+                if self._report_limits[number].passes(int(report["t_ns"])):
+                    self._report_seq[number] += 1
+                    message = report_message(report, self.layout, self._report_seq[number], self.epoch)
+                    self._reports[number].put(dumps(message))
+
+    def _put_json(self, topic: str, text: str, t_ns: int) -> None:
+        self._publishers[topic].put(text)
+        if self._say:
+            self._say(topic, text.encode(), t_ns)
+
+    def _next(self, topic: str) -> int:
+        self._seq[topic] += 1
+        return self._seq[topic]
+
+
+def is_heard(publisher: zenoh.Publisher) -> bool:
+    """Whether anybody listens to a publisher now."""
+    status: Any = publisher.matching_status  # the stub of 1.10 calls it a bool
+    return bool(status.matching)
+
+
+def _publisher(session: zenoh.Session, key: str, encoding: str, priority: zenoh.Priority) -> zenoh.Publisher:
+    return session.declare_publisher(
+        key, encoding=encoding, priority=priority, congestion_control=zenoh.CongestionControl.DROP
+    )

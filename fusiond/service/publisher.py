@@ -1,0 +1,126 @@
+"""A sensor: its readings, numbered and stamped, to a daemon."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any, Literal, Self
+
+import zenoh
+
+from fusiond.errors import ConnectionFailed
+from fusiond.service import reading_json, reading_record
+from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
+
+Covariance = Sequence[float] | Sequence[Sequence[float]]
+CONNECT_S = 5.0
+RESERVED = ("reference", "applied")
+
+
+class SensorPublisher:
+    """Publishes the readings of one sensor. Numbers them from 0; stamps those that bring no time.
+
+    Args:
+        name: the configuration's.      sensor: the sensor's name in it, also `reference` or `applied`.
+        connect: endpoint of the daemon or router.
+        encoding: `json` for people, `record` for speed (packed, with a checksum).
+        pack: readings sent in one put; more than one trades delay for throughput (`flush` sends what waits).
+        key: key expression, where the configuration gives the sensor its own.
+        lossless: make `publish` wait where the network is slower than the sensor. For playing recordings, not for
+            live sensors: a reading that comes late is worth less than the next one.
+        session: an open session to share; it is left open.
+    Raises: ConnectionFailed where nobody answers in `CONNECT_S`.
+    """
+
+    def __init__(
+        self, name: str, sensor: str, connect: str = DEFAULT_ENDPOINT, *, namespace: str | None = None,
+        encoding: Literal["json", "record"] = "json", pack: int = 1, key: str | None = None, lossless: bool = False,
+        session: zenoh.Session | None = None,
+    ) -> None:  # fmt: skip
+        prefix = namespace or f"fusiond/{name}"
+        self.key = key or (f"{prefix}/{sensor}" if sensor in RESERVED else f"{prefix}/sensor/{sensor}")
+        self.seq = 0
+        self._packs_records = encoding == "record"
+        self._pack = pack
+        self._waiting: list[bytes | str] = []
+        self._own = session is None
+        self.session = session or open_session(
+            session_options("client", connect=[connect]), timeout_s=CONNECT_S
+        )
+        control = zenoh.CongestionControl.BLOCK if lossless else zenoh.CongestionControl.DROP
+        self._publisher = self.session.declare_publisher(
+            self.key, congestion_control=control,
+            encoding=reading_record.ENCODING if self._packs_records else reading_json.ENCODING,
+        )  # fmt: skip
+
+    def publish(self, z: Sequence[float], t_ns: int | None = None, R: Covariance | None = None) -> None:
+        """Send one reading.
+
+        Args:
+            z: its numbers in the order and units of the configuration's channels.
+            t_ns: when it was measured, ns; without it, now (ns since 1970).
+            R: its covariance (rows; JSON only) or variances, in squared units of z.
+        Raises: ValueError where R does not fit.
+        """
+        stamp = time.time_ns() if t_ns is None else int(t_ns)
+        self._waiting.append(self._encode(z, stamp, R))
+        self.seq += 1
+        if len(self._waiting) >= self._pack:
+            self.flush()
+
+    def flush(self) -> None:
+        """Send what waits to be packed."""
+        waiting, self._waiting = self._waiting, []
+        if not waiting:
+            return
+        if self._packs_records:
+            self._publisher.put(b"".join(one for one in waiting if isinstance(one, bytes)))
+        elif len(waiting) == 1:
+            self._publisher.put(waiting[0])
+        else:
+            self._publisher.put(f"[{', '.join(str(one) for one in waiting)}]")
+
+    def wait_until_heard(self, timeout_s: float = CONNECT_S) -> None:
+        """Wait until somebody listens: what is sent before is lost.
+
+        Raises: ConnectionFailed where nobody does in time.
+        """
+        heard = threading.Event()
+
+        def note(status: Any) -> None:
+            if status.matching:
+                heard.set()
+
+        listener = self._publisher.declare_matching_listener(zenoh.handlers.Callback(note, indirect=False))
+        status: Any = self._publisher.matching_status  # the stub of 1.10 calls it a bool
+        found = status.matching or heard.wait(timeout_s)
+        listener.undeclare()
+        if not found:
+            raise ConnectionFailed(
+                f"{self.key}: nobody listened within {timeout_s:g} s; compare it with the keys of the configuration"
+            )
+
+    def close(self) -> None:
+        """Send what waits and leave."""
+        if not self.session.is_closed():
+            self.flush()
+            self._publisher.undeclare()
+            if self._own:
+                self.session.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _encode(self, z: Sequence[float], t_ns: int, R: Any) -> bytes | str:
+        if not self._packs_records:
+            return reading_json.encode_json(z, t_ns, self.seq, R)
+        if R is not None and len(R) and not isinstance(R[0], (int, float)):
+            raise ValueError(f"{self.key}: a record carries variances, not rows; send this R as JSON")
+        return reading_record.encode_record(z, t_ns, self.seq, R)

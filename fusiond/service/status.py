@@ -1,0 +1,59 @@
+"""What `status` and `config` answer."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import Any
+
+from fusiond import __version__
+from fusiond.recording.description import describe
+from fusiond.service.counters import Counters
+from fusiond.service.health_watch import HealthWatch
+from fusiond.service.mailbox import Mailbox
+from fusiond.service.messages import HEALTH_LABELS, SERVICE_LABELS
+from fusiond.service.wire import Decoder
+
+
+def sensors_status(counters: Counters, decoder: Decoder, watch: HealthWatch) -> dict[str, Any]:
+    """Counts and health of every sensor, by name. `refused`: what came for it and was no reading, by reason."""
+    return {
+        sensor.name: {
+            "health": HEALTH_LABELS[watch.sensors[sensor.number]],
+            **counters.of_sensor(sensor.number),
+            "refused": decoder.refused_by_sensor[sensor.number],
+        }
+        for sensor in counters.layout.sensors
+    }
+
+
+def status(
+    *, config: Any, mode: str, endpoints: tuple[str, ...], epoch: int, uptime_s: float, resets: int,
+    counters: Counters, decoder: Decoder, watch: HealthWatch, mailbox: Mailbox, latest: str, recorder: Any,
+) -> dict[str, Any]:  # fmt: skip
+    """The daemon's account of itself."""
+    recording = None if recorder is None else {"dropped": dict(recorder.dropped), "error": recorder.error}
+    return {
+        "version": __version__,
+        "name": config.name,
+        "namespace": config.prefix,
+        "pid": os.getpid(),
+        "mode": mode,
+        "endpoints": list(endpoints),
+        "epoch": epoch,
+        "uptime_s": round(uptime_s, 3),
+        "service": SERVICE_LABELS[watch.service],
+        "resets": resets,
+        "readings": counters.readings,
+        "ticks": counters.ticks,
+        "sensors": sensors_status(counters, decoder, watch),
+        "refused": decoder.refusals.by_name(),
+        "queue": {"waiting": len(mailbox), "capacity": mailbox.capacity, "dropped": mailbox.dropped},
+        "estimate": json.loads(latest),
+        "recording": recording,
+    }
+
+
+def configuration(config: Any, layout: Any) -> dict[str, Any]:
+    """The configuration with every default written out, and names and units of every number in its records."""
+    return {"config": config.model_dump(mode="json"), "layout": json.loads(describe(layout))}

@@ -1,0 +1,145 @@
+"""A consumer: the newest estimate or command with its age, or one after the other."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from fusiond.service import output_record
+from fusiond.service.publisher import CONNECT_S
+from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
+
+KEPT = 4096
+"""Messages kept for iteration; the oldest give way."""
+RECORDS = (output_record.ESTIMATE_ENCODING, output_record.CONTROL_ENCODING)
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message as it came.
+
+    Args:
+        content: the JSON object.      arrival_ns: of the monotonic clock.
+    """
+
+    content: dict[str, Any]
+    arrival_ns: int
+
+    @property
+    def age_s(self) -> float:
+        """Time since it arrived."""
+        return (time.monotonic_ns() - self.arrival_ns) / 1e9
+
+    def __getitem__(self, name: str) -> Any:
+        return self.content[name]
+
+
+class TopicSubscriber:
+    """Follows one topic of a daemon; a context manager, and an iterator over what comes.
+
+    A message of an older epoch than one already seen (a daemon that was replaced) is left out, as is one that cannot
+    be read (`unreadable` counts those).
+
+    Args:
+        name: the configuration's.      topic: `estimate`, `control`, `health`, `event`, `report/SENSOR`.
+        connect: endpoint of the daemon or router.      session: an open session to share; it is left open.
+    Raises: ConnectionFailed where nobody answers in `CONNECT_S`.
+    """
+
+    def __init__(
+        self, name: str, topic: str, connect: str = DEFAULT_ENDPOINT, *, namespace: str | None = None,
+        session: zenoh.Session | None = None,
+    ) -> None:  # fmt: skip
+        self.unreadable = 0
+        self._latest: Message | None = None
+        self._messages: deque[Message] = deque(maxlen=KEPT)
+        self._came = threading.Condition()
+        self._closed = False
+        self._epoch = 0
+        self._own = session is None
+        self.session = session or open_session(
+            session_options("client", connect=[connect]), timeout_s=CONNECT_S
+        )
+        self._subscriber = self.session.declare_subscriber(
+            f"{namespace or f'fusiond/{name}'}/{topic}", zenoh.handlers.Callback(self._take, indirect=False)
+        )
+
+    def latest(self) -> Message | None:
+        """The newest message, None before the first."""
+        return self._latest
+
+    def next(self, timeout_s: float) -> Message | None:
+        """The next message not yet taken by this or by iteration; None where none comes in time."""
+        deadline = time.monotonic() + timeout_s
+        with self._came:
+            while not self._messages and not self._closed:
+                left = deadline - time.monotonic()
+                if left <= 0 or not self._came.wait(left):
+                    break
+            return self._messages.popleft() if self._messages else None
+
+    def __iter__(self) -> Iterator[Message]:
+        while not self._closed:
+            message = self.next(0.5)
+            if message is not None:
+                yield message
+
+    def close(self) -> None:
+        """Stop following; iteration ends."""
+        if not self._closed:
+            self._closed = True
+            if not self.session.is_closed():
+                self._subscriber.undeclare()
+                if self._own:
+                    self.session.close()
+            with self._came:
+                self._came.notify_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        arrival_ns = time.monotonic_ns()
+        payload = sample.payload.to_bytes()
+        try:
+            packed = str(sample.encoding) in RECORDS
+            content = output_record.decode_output(payload) if packed else json.loads(payload)
+            epoch = int(content["epoch"])
+        except (ValueError, TypeError, KeyError, RecursionError):
+            self.unreadable += 1
+            return
+        if epoch < self._epoch:
+            return
+        self._epoch = epoch
+        message = Message(content, arrival_ns)
+        with self._came:
+            self._latest = message
+            self._messages.append(message)
+            self._came.notify_all()
+
+
+class EstimateSubscriber(TopicSubscriber):
+    """Follows `estimate`: `{t, t_ns, seq, epoch, resets, state{}, std{}, health}`."""
+
+    def __init__(self, name: str, connect: str = DEFAULT_ENDPOINT, **others: Any) -> None:
+        super().__init__(name, "estimate", connect, **others)
+
+
+class ControlSubscriber(TopicSubscriber):
+    """Follows `control`: `{t, t_ns, seq, epoch, u{}, valid, age_s, level}`."""
+
+    def __init__(self, name: str, connect: str = DEFAULT_ENDPOINT, **others: Any) -> None:
+        super().__init__(name, "control", connect, **others)

@@ -1,0 +1,276 @@
+"""Measures the daemon over Zenoh on loopback: highest paced rate without a loss, and round trip.
+
+Every figure stands beside its yardstick from the same run: a subscriber of the same kind (ring and thread of its own)
+that only counts, and a bare echo. Each end is a process of its own. Run `python -m tools.bench_service`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from fusiond.service.ask import ask
+from fusiond.service.publisher import SensorPublisher
+from fusiond.service.reading_record import ENCODING, encode_record
+from fusiond.service.sessions import open_session, open_sessions, session_options
+
+NAME, SENSOR = "minicar", "ultrasonic"
+CONFIG = Path(__file__).resolve().parents[1] / "configs" / f"{NAME}.toml"
+KEY = f"fusiond/{NAME}/sensor/{SENSOR}"
+RING = 8192
+BURST_S = 0.001
+"""Paced traffic goes out in bursts of this length: a process cannot sleep much shorter."""
+
+
+def run_counter() -> None:
+    """A subscriber of the daemon's kind that only counts: answers `status` with what it received."""
+    sessions = open_sessions("peer", ["tcp/127.0.0.1:0"], [])
+    ring = sessions.sensors.declare_subscriber(KEY, zenoh.handlers.RingChannel(RING))
+    seen = {"used": 0}
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(f"fusiond/{NAME}/status", json.dumps({"sensors": {SENSOR: seen}}))
+
+    sessions.admin.declare_queryable(
+        f"fusiond/{NAME}/status", zenoh.handlers.Callback(answer, indirect=False)
+    )
+    print("ready", *sessions.endpoints, flush=True)
+    _in_thread(lambda: _count(ring, seen))
+    sys.stdin.read()
+    sessions.close()
+
+
+def _count(ring: Any, seen: dict[str, int]) -> None:
+    while True:
+        ring.recv().payload.to_bytes()
+        seen["used"] += 1
+
+
+def run_echo() -> None:
+    """Sends every payload back at once, from a ring and a thread of its own."""
+    sessions = open_sessions("peer", ["tcp/127.0.0.1:0"], [])
+    ring = sessions.sensors.declare_subscriber(KEY, zenoh.handlers.RingChannel(RING))
+    publisher = sessions.sensors.declare_publisher(f"fusiond/{NAME}/estimate")
+
+    def echo() -> None:
+        while True:
+            publisher.put(ring.recv().payload)
+
+    print("ready", *sessions.endpoints, flush=True)
+    _in_thread(echo)
+    sys.stdin.read()
+    sessions.close()
+
+
+def _in_thread(work: Callable[[], None]) -> None:
+    def until_closed() -> None:
+        try:
+            work()
+        except zenoh.ZError:
+            return
+
+    threading.Thread(target=until_closed, daemon=True).start()
+
+
+def run_daemon(publish_hz: float, record: str) -> None:
+    """The daemon with the mini car's configuration, until SIGTERM."""
+    from fusiond.assembly.assembly import assemble
+    from fusiond.config import read
+    from fusiond.service.serve import serve
+
+    config = read(CONFIG)
+    service = config.service.model_copy(update={"publish_hz": publish_hz})
+    assembly = assemble(config.model_copy(update={"service": service}), CONFIG.parent)
+    sys.exit(
+        serve(
+            assembly, listen=["tcp/127.0.0.1:0"], record=Path(record) if record else None,
+            on_ready=lambda endpoints: print("ready", *endpoints, flush=True),
+        )
+    )  # fmt: skip
+
+
+@contextmanager
+def process(role: str, *arguments: str) -> Iterator[str]:
+    """One of the above as a process; gives its endpoint and ends it by its pid."""
+    command = [sys.executable, "-m", "tools.bench_service", "--role", role, *arguments]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, stderr=subprocess.DEVNULL) as child:
+        assert child.stdout is not None
+        try:
+            words = child.stdout.readline().split()
+            if words[:1] != ["ready"]:
+                raise RuntimeError(f"{role}: did not become ready")
+            yield words[1]
+        finally:
+            child.terminate()
+            child.wait(10)
+
+
+def received(endpoint: str, session: zenoh.Session) -> int:
+    """Readings the other end has taken."""
+    return int(ask(NAME, "status", endpoint, session=session)["sensors"][SENSOR]["used"])
+
+
+def send_paced(publisher: Any, first: int, rate_hz: float, for_s: float) -> int:
+    """Put records of one number at a paced rate, one a put; returns how many."""
+    count = int(rate_hz * for_s)
+    began_ns, wall_ns = time.monotonic_ns(), time.time_ns()
+    sent = 0
+    while sent < count:
+        due = min(count, int((time.monotonic_ns() - began_ns) * rate_hz / 1e9) + 1)
+        while sent < due:
+            t_ns = wall_ns + int(sent * 1e9 / rate_hz)
+            publisher.put(encode_record((0.5,), t_ns, first + sent))
+            sent += 1
+        time.sleep(BURST_S)
+    return sent
+
+
+def try_rate(
+    endpoint: str, session: zenoh.Session, publisher: Any, first: int, rate_hz: float, for_s: float
+) -> tuple[int, int]:
+    """One trial; returns sent and received, waiting until what is on its way has come."""
+    before = received(endpoint, session)
+    sent = send_paced(publisher, first, rate_hz, for_s)
+    deadline = time.monotonic() + 3.0
+    got, last = -1, -2
+    while got != sent and (got != last or time.monotonic() < deadline - 2.0):
+        last, got = got, received(endpoint, session) - before
+        time.sleep(0.1)
+    return sent, got
+
+
+def highest_rate(
+    endpoint: str, *, start_hz: float = 2000.0, for_s: float = 2.0, steps: int = 4
+) -> dict[str, float]:
+    """Highest paced rate without a missing reading: doubled until it fails, then bisected.
+
+    Returns: rate_hz; estimates (received meanwhile).
+    """
+    session = open_session(session_options("client", connect=[endpoint]))
+    counted = [0]
+
+    def count(_: zenoh.Sample) -> None:
+        counted[0] += 1
+
+    follower = session.declare_subscriber(
+        f"fusiond/{NAME}/estimate", zenoh.handlers.Callback(count, indirect=False)
+    )
+    sensor = SensorPublisher(NAME, SENSOR, encoding="record", session=session)
+    sensor.wait_until_heard()
+    publisher = session.declare_publisher(KEY, encoding=ENCODING)
+    good, bad, rate, first, step = 0.0, 0.0, start_hz, 0, 0
+    while step < steps:
+        sent, got = try_rate(endpoint, session, publisher, first, rate, for_s)
+        first += sent
+        if sent == got:
+            good = rate
+        else:
+            bad = rate
+        if bad:
+            step += 1
+        rate = (good + bad) / 2 if bad else 2 * rate
+    follower.undeclare()
+    session.close()
+    return {"rate_hz": good, "estimates": float(counted[0])}
+
+
+def round_trips(endpoint: str, *, rate_hz: float = 1000.0, for_s: float = 4.0) -> list[float]:
+    """Times from a put to what comes back for it, s, at a paced rate, sorted."""
+    session = open_session(session_options("client", connect=[endpoint]))
+    back = session.declare_subscriber(f"fusiond/{NAME}/estimate", zenoh.handlers.RingChannel(1024))
+    arrivals: list[int] = []
+
+    def collect() -> None:
+        while True:
+            back.recv()
+            arrivals.append(time.perf_counter_ns())
+
+    _in_thread(collect)
+    sensor = SensorPublisher(NAME, SENSOR, encoding="record", session=session)
+    sensor.wait_until_heard()
+    publisher = session.declare_publisher(KEY, encoding=ENCODING)
+    sent = []
+    for k in range(int(rate_hz * for_s)):
+        due_ns = sent[0] + int(k * 1e9 / rate_hz) if sent else 0
+        while (left_ns := due_ns - time.perf_counter_ns()) > 0:
+            time.sleep(left_ns / 1e9)
+        sent.append(time.perf_counter_ns())
+        publisher.put(encode_record((0.5,), time.time_ns(), k))
+    deadline = time.monotonic() + 2.0
+    while len(arrivals) < len(sent) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    session.close()
+    if len(arrivals) != len(sent):
+        raise RuntimeError(f"{len(sent)} sent, {len(arrivals)} came back: round trips cannot be told apart")
+    return sorted((b - a) / 1e9 for a, b in zip(sent, arrivals, strict=True))
+
+
+def bench_throughput() -> dict[str, Any]:
+    """Rates of the counting subscriber and of the daemon, recording off and on, and their ratios."""
+    with process("counter") as endpoint:
+        counter = highest_rate(endpoint)["rate_hz"]
+    with process("daemon") as endpoint:
+        plain = highest_rate(endpoint)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        process("daemon", "--record", f"{folder}/run.mcap") as endpoint,
+    ):
+        recording = highest_rate(endpoint)
+    return {
+        "counter_hz": counter, "daemon_hz": plain["rate_hz"], "recording_hz": recording["rate_hz"],
+        "estimates": plain["estimates"],
+        "ratio": plain["rate_hz"] / counter, "ratio_recording": recording["rate_hz"] / counter,
+    }  # fmt: skip
+
+
+def bench_round_trip(repeats: int = 3) -> dict[str, Any]:
+    """Round trips of the daemon and of a bare echo, in turn; medians over the repeats, us."""
+    found: dict[str, list[float]] = {"echo_p50": [], "echo_p99": [], "daemon_p50": [], "daemon_p99": []}
+    with process("echo") as echo, process("daemon", "--publish-hz", "100000") as daemon:
+        for _ in range(repeats):
+            for name, endpoint in (("echo", echo), ("daemon", daemon)):
+                times = round_trips(endpoint)
+                found[f"{name}_p50"].append(times[len(times) // 2] * 1e6)
+                found[f"{name}_p99"].append(times[len(times) * 99 // 100] * 1e6)
+    result: dict[str, Any] = {
+        f"{name}_us": sorted(values)[len(values) // 2] for name, values in found.items()
+    }
+    return result | {
+        "ratio_p50": result["daemon_p50_us"] / result["echo_p50_us"],
+        "ratio_p99": result["daemon_p99_us"] / result["echo_p99_us"],
+    }
+
+
+def main() -> None:
+    """Print both as one JSON object, or play one of the roles."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--role", choices=["counter", "echo", "daemon"])
+    parser.add_argument("--publish-hz", type=float, default=50.0)
+    parser.add_argument("--record", default="")
+    chosen = parser.parse_args()
+    match chosen.role:
+        case "counter":
+            run_counter()
+        case "echo":
+            run_echo()
+        case "daemon":
+            run_daemon(chosen.publish_hz, chosen.record)
+        case _:
+            print(json.dumps({"round_trip": bench_round_trip(), "throughput": bench_throughput()}))
+
+
+if __name__ == "__main__":
+    main()
