@@ -13,7 +13,7 @@ import typing
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, create_model
 
@@ -52,7 +52,7 @@ class SensorSection(Section):
     valid: dict[str, Range] = {}
     """Lowest and highest plausible value of a channel; what lies outside is refused as out_of_range."""
     max_silence_s: Positive | None = None
-    """Longest healthy silence; by default three periods of rate_hz, without a rate no limit."""
+    """Longest healthy silence; by default three periods of rate_hz but at least 0.1 s; without a rate no limit."""
     repeats: Literal["fresh", "held"] = "fresh"
     """Whether an equal value at a new time is fresh evidence, or a driver that repeats its last fix."""
 
@@ -80,6 +80,8 @@ class FilterSection(Section):
     recursion: Literal["ud"] = "ud"
     leave_one_out: bool = True
     """Keep, beside the filter of all sensors, one filter for each that leaves it out."""
+    accept_unobservable: list[str] = []
+    """States that may stay unobservable: dead reckoning knows its position only from where it started."""
 
 
 class HistorySection(Section):
@@ -183,9 +185,14 @@ def _one_of(tag: str, sections: Mapping[str, type[Section]]) -> Any:
     return Annotated[Union[members], Discriminator(choose)]  # noqa: UP007 (members are known at run time only)
 
 
-AnyModel = _one_of("kind", _PROCESS_SECTIONS | {"file": UserModelSection})
-AnySensor = _one_of("kind", _SENSOR_SECTIONS | {"input": InputSection, "file": UserSensorSection})
-AnyControl = _one_of("law", _LAW_SECTIONS)
+if TYPE_CHECKING:
+    AnyModel = ModelSection
+    AnySensor = SensorSection
+    AnyControl = ControlSection
+else:
+    AnyModel = _one_of("kind", _PROCESS_SECTIONS | {"file": UserModelSection})
+    AnySensor = _one_of("kind", _SENSOR_SECTIONS | {"input": InputSection, "file": UserSensorSection})
+    AnyControl = _one_of("law", _LAW_SECTIONS)
 
 
 class Config(Section):
@@ -230,9 +237,11 @@ def parameters(section: Section, part: str) -> dict[str, Any]:
 
 def _known_names() -> set[str]:
     """Every name that can stand before an equals sign."""
-    sections = (*_PROCESS_SECTIONS.values(), *_SENSOR_SECTIONS.values(), *_LAW_SECTIONS.values())
-    plain = (Config, InitialSection, FilterSection, HistorySection, HealthSection, ServiceSection, InputSection)
-    return {name for section in (*sections, *plain, RecordingSection) for name in section.model_fields}
+    sections: list[type[Section]] = [
+        *_PROCESS_SECTIONS.values(), *_SENSOR_SECTIONS.values(), *_LAW_SECTIONS.values(), Config, InputSection,
+        InitialSection, FilterSection, HistorySection, HealthSection, ServiceSection, RecordingSection,
+    ]  # fmt: skip
+    return {name for section in sections for name in section.model_fields}
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -246,18 +255,26 @@ def _explain(error: Mapping[str, Any]) -> str:
     """One pydantic error as `subject: fact; remedy`."""
     tags = {*_PROCESS_SECTIONS, *_SENSOR_SECTIONS, *_LAW_SECTIONS, "input", "file"}
     path = [str(part) for part in error["loc"]]
-    subject = ".".join(part for i, part in enumerate(path) if not (part in tags and path[i - 1 : i] != ["sensor"]))
+    subject = ".".join(
+        part for i, part in enumerate(path) if not (part in tags and path[i - 1 : i] != ["sensor"])
+    )
     match error["type"]:
         case "extra_forbidden":
             near = difflib.get_close_matches(path[-1], sorted(_known_names()), 1, 0.6)
-            hint = f"did you mean `{near[0]}`?" if near else "remove it; `fusiond config schema` lists what there is"
+            hint = (
+                f"did you mean `{near[0]}`?"
+                if near
+                else "remove it; `fusiond config schema` lists what there is"
+            )
             return f"{subject}: unknown key; {hint}"
         case "missing":
             return f"{subject}: is missing; add it (`fusiond config schema` describes it)"
         case "union_tag_invalid" | "union_tag_not_found":
             given = error.get("ctx", {}).get("tag", "nothing")
-            kinds = {"model": _PROCESS_SECTIONS, "sensor": {**_SENSOR_SECTIONS, "input": 0}}.get(path[0], _LAW_SECTIONS)
-            return f"{subject}: no kind `{given}`; {nearest(str(given), kinds)}"
+            kinds = {"model": [*_PROCESS_SECTIONS], "sensor": [*_SENSOR_SECTIONS, "input"]}
+            return (
+                f"{subject}: no kind `{given}`; {nearest(str(given), kinds.get(path[0], [*_LAW_SECTIONS]))}"
+            )
         case _:
             return f"{subject}: {error['msg']}, got {error['input']!r}"
 
@@ -278,7 +295,9 @@ def read(path: Path) -> Config:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read ({error}); give the path of a TOML configuration") from error
+        raise ConfigError(
+            f"{path}: cannot be read ({error}); give the path of a TOML configuration"
+        ) from error
     return parse(text, str(path))
 
 

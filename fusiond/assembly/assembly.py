@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.assembly.design import design_of, layout_of
+from fusiond.assembly.jacobians import check_jacobians
 from fusiond.assembly.modules import require
+from fusiond.assembly.observability import require_observable
 from fusiond.assembly.package import import_package, source_of, step_sources, write_package
 from fusiond.assembly.resolve import Resolved, by_key, resolve
 from fusiond.config import Config, read
@@ -51,6 +53,13 @@ class Assembly:
         files = step_sources(self.layout.shape, process, resolved.process.linear, law, sensors)
         return import_package(write_package(files))
 
+    def key_of(self, name: str) -> str:
+        """The key expression on which a sensor's readings come."""
+        section = self.config.sensor.get(name)
+        if section is not None and section.key is not None:
+            return str(section.key)
+        return f"{self.config.prefix}/{name if section is None else f'sensor/{name}'}"
+
     def engine(self) -> Engine:
         """A fresh engine, before its first reading."""
         return Engine(self.layout, self.design, self._desk(), self.package.run, self._derive())
@@ -78,7 +87,8 @@ def _file_names(resolved: Resolved) -> list[str]:
     """A file name for each sensor's model in the package, one for each distinct model file."""
     modules = sorted({sensor.module.__name__ for sensor in resolved.sensors if sensor.module})
     return [
-        f"sensor_{modules.index(sensor.module.__name__)}" if sensor.module else "" for sensor in resolved.sensors
+        f"sensor_{modules.index(sensor.module.__name__)}" if sensor.module else ""
+        for sensor in resolved.sensors
     ]
 
 
@@ -90,6 +100,8 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
     """
     resolved = resolve(config, folder)
     layout = layout_of(resolved)
+    check_jacobians(resolved)
+    require_observable(resolved)
     return Assembly(resolved, layout, design_of(resolved, layout.shape))
 
 

@@ -15,6 +15,8 @@ from fusiond.types import NANOSECONDS, Role, nanoseconds
 
 SILENT_PERIODS = 3.0
 """Periods without a reading after which a sensor of known rate is silent, unless the configuration says otherwise."""
+SHORTEST_SILENCE_S = 0.1
+"""No default is shorter: a busy host holds readings back for tens of milliseconds."""
 
 
 def shape_of(resolved: Resolved) -> Shape:
@@ -86,7 +88,7 @@ def _silence_ns(sensor: ResolvedSensor) -> int:
         return 0
     if section.max_silence_s is not None:
         return nanoseconds(section.max_silence_s)
-    return nanoseconds(SILENT_PERIODS / section.rate_hz) if section.rate_hz else 0
+    return nanoseconds(max(SILENT_PERIODS / section.rate_hz, SHORTEST_SILENCE_S)) if section.rate_hz else 0
 
 
 def _sensor(resolved: Resolved, number: int, record: np.record) -> None:

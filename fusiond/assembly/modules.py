@@ -36,7 +36,9 @@ def user_module(file: str, folder: Path, subject: str) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        raise ConfigError(f"{subject}.file: {file} fails on import ({type(error).__name__}: {error})") from error
+        raise ConfigError(
+            f"{subject}.file: {file} fails on import ({type(error).__name__}: {error})"
+        ) from error
     sys.modules[name] = module
     return module
 
@@ -48,7 +50,9 @@ def require(module: ModuleType, functions: tuple[str, ...], subject: str) -> Non
             raise ConfigError(f"{subject}: the model file has no function `{name}`; fusiond.models.contract lists what it needs")  # fmt: skip
 
 
-def described(module: ModuleType, arguments: tuple[Any, ...], parameters: Mapping[str, Any], subject: str) -> Any:
+def described(
+    module: ModuleType, arguments: tuple[Any, ...], parameters: Mapping[str, Any], subject: str
+) -> Any:
     """Call a model's `describe`; raises ConfigError with the subject for whatever is wrong with the parameters."""
     require(module, ("describe",), subject)
     wanted = {

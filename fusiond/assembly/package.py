@@ -23,8 +23,7 @@ import numba
 import numpy as np
 
 from fusiond import numerics, types
-import fusiond.engine.step as step
-from fusiond.engine import records
+from fusiond.engine import records, step
 from fusiond.engine.step import sizes
 
 SWAPPED = ("process.py", "observe.py", "law.py", "sizes.py", "advance_linear.py", "advance_nonlinear.py")
@@ -46,7 +45,9 @@ def source_of(module: ModuleType) -> str:
 
 def folder_sources(module: ModuleType) -> dict[str, str]:
     """Source text of every module in a package's folder, by file name."""
-    return {path.name: path.read_text(encoding="utf-8") for path in sorted(Path(module.__path__[0]).glob("*.py"))}
+    return {
+        path.name: path.read_text(encoding="utf-8") for path in sorted(Path(module.__path__[0]).glob("*.py"))
+    }
 
 
 def observe_source(sensors: Sequence[str]) -> str:

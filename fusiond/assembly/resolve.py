@@ -76,14 +76,17 @@ def _noise(section: SensorSection, channels: tuple[Slot, ...], subject: str) -> 
         if section.noise_std:
             raise ConfigError(f"{subject}: has noise_std and noise_covariance; keep one of them")
         if R.shape != (len(channels), len(channels)) or not np.array_equal(R, R.T):
-            raise ConfigError(f"{subject}.noise_covariance: is not symmetric {len(channels)} x {len(channels)}; one row for each measured channel")  # fmt: skip
+            size = f"{len(channels)} x {len(channels)}"
+            raise ConfigError(
+                f"{subject}.noise_covariance: is not symmetric {size}; one row a measured channel"
+            )
         if np.linalg.eigvalsh(R)[0] < -1e-12 * np.trace(R):
             raise ConfigError(f"{subject}.noise_covariance: has a negative eigenvalue; a covariance has none")
         return R
     stds = by_key(section.noise_std, channels, f"{subject}.noise_std")
     for slot in channels:
         if slot.name not in stds:
-            raise ConfigError(f"{subject}.noise_std: `{slot.key}` is missing; give the standard deviation of each channel")  # fmt: skip
+            raise ConfigError(f"{subject}.noise_std: `{slot.key}` is missing; give each channel's deviation")
     return np.diag([stds[slot.name] ** 2 for slot in channels])
 
 
@@ -114,7 +117,9 @@ def _update(name: str, section: SensorSection, process: Process, folder: Path) -
         try:
             process.slot(slot)
         except ConfigError as error:
-            raise ConfigError(f"{subject}: {error}; choose another kind of sensor or another model") from error
+            raise ConfigError(
+                f"{subject}: {error}; choose another kind of sensor or another model"
+            ) from error
     R = _noise(section, model.channels[: model.dof], subject)
     return ResolvedSensor(name, Role.UPDATE, model, module, section, R)
 
@@ -137,11 +142,17 @@ def _no_input_left_alone(process: Process, sensors: list[ResolvedSensor]) -> Non
     for sensor in sensors:
         for number in sensor.drives:
             if number in drivers:
-                raise ConfigError(f"sensor.{sensor.name}.drives: `{process.inputs[number].name}` is driven by {drivers[number]} too; leave it to one of them")  # fmt: skip
+                driven = process.inputs[number].name
+                raise ConfigError(
+                    f"sensor.{sensor.name}.drives: {drivers[number]} drives `{driven}` too; leave it to one of them"
+                )
             drivers[number] = sensor.name
     for number, slot in enumerate(process.inputs):
         if number not in drivers:
-            raise ConfigError(f'model: nothing drives its input `{slot.name}`; add a sensor with kind = "input" and drives = ["{slot.name}"]')  # fmt: skip
+            raise ConfigError(
+                f"model: nothing drives its input `{slot.name}`; add a sensor with "
+                f'kind = "input" and drives = ["{slot.name}"]'
+            )
 
 
 def resolve(config: Config, folder: Path) -> Resolved:

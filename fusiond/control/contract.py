@@ -1,7 +1,7 @@
 """What a control law is: one Python file with a description and a kernel.
 
-    describe(process, **parameters) -> Law
-    command(x, reference, at, c, u)     writes the command u from the state x; keeps nothing between calls
+describe(process, **parameters) -> Law
+command(x, reference, at, c, u)     writes the command u from the state x; keeps nothing between calls
 """
 
 from __future__ import annotations

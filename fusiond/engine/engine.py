@@ -27,7 +27,9 @@ class Engine:
         run: the compiled entry.   derive: writes the derived outputs of a state, None where there are none.
     """
 
-    def __init__(self, layout: Layout, design: Records, desk: Records, run: Run, derive: Derive | None) -> None:
+    def __init__(
+        self, layout: Layout, design: Records, desk: Records, run: Run, derive: Derive | None
+    ) -> None:
         self.layout = layout
         self._design, self._run, self._derive = design, run, derive
         self._first_desk = desk.copy()

@@ -18,6 +18,10 @@ HAS_ARRIVAL = 4
 """Reading flag: `arrival_ns` was measured by a clock; without it nothing is known of when the reading came."""
 
 
+CENTRAL = np.int64(0)
+"""Row of the centralized filter. A plain 0 is a type of its own to numba: every kernel would be compiled twice."""
+
+
 @dataclass(frozen=True, slots=True)
 class Shape:
     """Sizes of one configuration's records.
@@ -147,8 +151,8 @@ def work_dtype(shape: Shape) -> np.dtype[np.record]:
     """
     n, m, ni, q = shape.states, shape.payload, shape.inputs, shape.noises
     return record(
-        ("x", "<f8", (n,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)), ("G", "<f8", (n, q)), ("q", "<f8", (q,)),
-        ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)), ("U", "<f8", (n, n)), ("d", "<f8", (n,)),
+        ("x", "<f8", (n,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)), ("G", "<f8", (n, q)),
+        ("q", "<f8", (q,)), ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)),
         ("h", "<f8", (m,)), ("H", "<f8", (m, n)), ("nu", "<f8", (m,)), ("R_U", "<f8", (m, m)), ("R_d", "<f8", (m,)),
         ("R", "<f8", (m, m)), ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("x_prior", "<f8", (n,)),
         ("cache_dt_ns", "<i8", (CACHE,)), ("cache_F", "<f8", (CACHE, n, n)), ("cache_B", "<f8", (CACHE, n, ni)),

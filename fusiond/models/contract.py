@@ -74,6 +74,7 @@ class Sensor:
         measured: how many of the leading channels are measurements (an index follows them); None for all.
         wraps: names of measured channels that are angles, rad.
         parameters: flat vector handed to the kernel as p.
+        indices: the values an index may take.
     """
 
     channels: tuple[Slot, ...]
@@ -81,6 +82,7 @@ class Sensor:
     measured: int | None = None
     wraps: tuple[str, ...] = ()
     parameters: tuple[float, ...] = ()
+    indices: tuple[float, ...] = ()
 
     @property
     def dof(self) -> int:

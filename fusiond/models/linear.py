@@ -13,6 +13,7 @@ import numpy as np
 
 from fusiond.errors import ConfigError
 from fusiond.models.contract import Process, flatten, shape_of
+from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.discretise import van_loan
 from fusiond.numerics.kernel import interpreted, kernel
 from fusiond.numerics.ud import Matrix, Vector, ud_factor
@@ -47,7 +48,7 @@ def describe(
     if not interpreted(ud_factor)(np.array(Q, dtype=float), U, d, 1e-12):
         raise ConfigError(f"Q: {Q} is not positive semi-definite; check its signs and symmetry")
     header = (step_s, float(noises), float(len(driven)))
-    matrices = flatten(A) + flatten(np.array(G, dtype=float) @ np.triu(U)) + flatten(B or [])
+    matrices = flatten(A) + tuple((np.array(G, dtype=float) @ np.triu(U)).ravel().tolist()) + flatten(B or [])
     return Process(
         states=tuple(Slot(name) for name in states),
         inputs=tuple(Slot(name) for name in driven),
@@ -69,14 +70,14 @@ def discretise(dt_s: float, p: Vector, F: Matrix, B: Matrix, c: Vector, G: Matri
     B_c = p[rest + n * k : rest + n * (k + m)].copy().reshape((n, m))
     w = p[rest + n * (k + m) : rest + n * (k + m) + k]
     if p[0] > 0.0:
-        F[:, :] = A
-        G[:, :k] = G_c
-        q[:k] = w
-        B[:, :m] = B_c
+        copy_matrix(A, F)
+        copy_matrix(B_c, B)
+        copy_matrix(G_c, G)
+        copy_vector(w, q)
     else:
         F_d, B_d, Q_d = van_loan(A, B_c, (G_c * w) @ np.ascontiguousarray(G_c.T), dt_s)
-        F[:, :] = F_d
-        B[:, :m] = B_d
+        copy_matrix(F_d, F)
+        copy_matrix(B_d, B)
         ud_factor(Q_d, G, q, 1e-9)
         for i in range(n):
             for j in range(i):

@@ -21,7 +21,7 @@ def kernel(function: Callable[P, T]) -> Callable[P, T]:
     No fast-math: a sum is taken in the order written, so that two configurations that compute the same thing
     give the same bits.
     """
-    compiled: Callable[P, T] = numba.njit(error_model="numpy", nogil=True)(function)
+    compiled: Callable[P, T] = numba.njit(error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
     return compiled
 
 

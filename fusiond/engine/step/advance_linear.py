@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from fusiond.engine.records import CACHE
+from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import thornton_predict
 
@@ -47,7 +48,7 @@ def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
         for j in range(INPUTS):
             total += B[i, j] * track.u[j]
         work.x[i] = total
-    x[:] = work.x
+    copy_vector(work.x, x)
     for j in range(NOISES):
         work.w_d[STATES + j] = work.cache_q[slot, j]
         for i in range(STATES):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import thornton_predict
 
@@ -21,7 +22,7 @@ def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
     dt_s = dt_ns * 1e-9
     transition(x, track.u, dt_s, design.p, work.x, work.F, work.B)
     noise(x, dt_s, design.p, work.G, work.q)
-    x[:] = work.x
+    copy_vector(work.x, x)
     for j in range(NOISES):
         work.w_d[STATES + j] = work.q[j]
         for i in range(STATES):

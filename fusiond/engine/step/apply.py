@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from fusiond.engine.records import HAS_R
+from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
 
@@ -27,9 +28,9 @@ def start(track: Any, design: Any, t_ns: int) -> None:
     track.update_ns = t_ns
     for row in range(FILTERS):
         track.filter_t_ns[row] = t_ns
-        track.x[row][:] = design.x0
-        track.U[row][:, :] = design.U0
-        track.d[row][:] = design.d0
+        copy_vector(design.x0, track.x[row])
+        copy_matrix(design.U0, track.U[row])
+        copy_vector(design.d0, track.d[row])
     for sensor in range(SENSORS):
         track.sensor_seen[sensor] = 0
         track.sensor_t_ns[sensor] = t_ns

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from fusiond.engine.records import CENTRAL
 from fusiond.numerics.kernel import entry, kernel
 from fusiond.numerics.ud import ud_compose
 from fusiond.types import TICK, Action, Role, Verdict
@@ -174,12 +175,10 @@ def run(
         if reading.sensor == TICK:
             spare_tracks[0] = tracks[0]
             if tracks[0].started:
-                predict(spare_tracks[0], design[0], work, 0, reading.t_ns)
+                predict(spare_tracks[0], design[0], work, CENTRAL, reading.t_ns)
             finish(spare_tracks[0], desk, design[0], reading.t_ns, report)
         else:
-            take(
-                tracks, desk, design[0], work, spare_reports[0], ring, snapshots, marks, reading, report
-            )
+            take(tracks, desk, design[0], work, spare_reports[0], ring, snapshots, marks, reading, report)
             finish(tracks[0], desk, design[0], tracks[0].t_ns, report)
         if covariances.shape[0] > 0:
             ud_compose(tracks[0].U[0], tracks[0].d[0], covariances[k])

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.engine.records import HAS_R, HAS_SEQ
+from fusiond.engine.records import CENTRAL, HAS_R, HAS_SEQ
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Role, Verdict
 
@@ -53,7 +53,7 @@ def screen(track: Any, design: Any, work: Any, reading: Any) -> int:
     if not covariance_is_sound(reading, design, work):
         return BAD_COVARIANCE
     carries_index = design.role[sensor] == UPDATE and design.dof[sensor] < length
-    if carries_index and not innovate(track, design, work, 0, reading):
+    if carries_index and not innovate(track, design, work, CENTRAL, reading):
         return UNKNOWN_INDEX
     return USED
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fusiond.engine.records import HAS_R
+from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.discretise import wrap_angle
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import bierman_update, ud_factor, ud_projected, whiten
@@ -29,7 +30,9 @@ def load_noise(reading: Any, design: Any, work: Any) -> bool:
         return True
     for i in range(dof):
         for j in range(dof):
-            if not abs(reading.R[i, j] - reading.R[j, i]) <= 1e-9 * (abs(reading.R[i, i]) + abs(reading.R[j, j])):
+            if not abs(reading.R[i, j] - reading.R[j, i]) <= 1e-9 * (
+                abs(reading.R[i, i]) + abs(reading.R[j, j])
+            ):
                 return False
             work.R[i, j] = reading.R[i, j]
     return ud_factor(work.R[:dof, :dof], work.R_U, work.R_d, 1e-12)
@@ -74,7 +77,7 @@ def condition(track: Any, design: Any, work: Any, row: int, dof: int) -> float:
     All channels are linearised at the prior mean, so that the result is that of one stacked update.
     """
     x = track.x[row]
-    work.x_prior[:] = x
+    copy_vector(x, work.x_prior)
     whiten(work.R_U, work.nu, work.H, dof)
     nis = 0.0
     for i in range(dof):

@@ -24,6 +24,7 @@ def describe(process: Process, *, beacons: list[list[float]], height_m: float = 
         measured=1,
         reads=("x", "y"),
         parameters=(height_m, float(len(beacons)), *flatten(beacons)),
+        indices=tuple(row[0] for row in beacons),
     )
 
 

@@ -1,6 +1,6 @@
 """Position in the plane, in metres of the local frame, of an antenna that may sit off the centre.
 
-    z = p + R(yaw) lever + v;  without a `yaw` state the lever must be zero.
+z = p + R(yaw) lever + v;  without a `yaw` state the lever must be zero.
 """
 
 from __future__ import annotations

@@ -13,9 +13,7 @@ def describe(process: Process, *, offset_rad: float = 0.0) -> Sensor:
     Args:
         offset_rad: its mounting: reading minus heading.
     """
-    return Sensor(
-        channels=(process.slot("yaw"),), reads=("yaw",), wraps=("yaw",), parameters=(offset_rad,)
-    )
+    return Sensor(channels=(process.slot("yaw"),), reads=("yaw",), wraps=("yaw",), parameters=(offset_rad,))
 
 
 @kernel

@@ -22,7 +22,9 @@ def describe(process: Process, *, x_m: float = 0.0, y_m: float = 0.0) -> Sensor:
     """
     polar = process.has("yaw", "speed")
     if not process.has("x", "y") or not (polar or process.has("vx", "vy")):
-        raise ConfigError("kind `radar` needs states x, y and either vx, vy or yaw, speed; choose another model")
+        raise ConfigError(
+            "kind `radar` needs states x, y and either vx, vy or yaw, speed; choose another model"
+        )
     return Sensor(
         channels=(Slot("range", "m"), Slot("bearing", "rad"), Slot("range_rate", "m_s")),
         reads=("x", "y", "yaw", "speed") if polar else ("x", "y", "vx", "vy"),

@@ -1,0 +1,62 @@
+"""The models of a configuration, called as plain Python at design time: no compiling, one state at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusiond.assembly.resolve import Resolved, ResolvedSensor
+from fusiond.numerics.kernel import interpreted
+
+Array = NDArray[np.float64]
+
+
+def irregular(count: int, seed: int = 0) -> Array:
+    """Numbers between 0.5 and 1.5 with no pattern a model could mistake for structure (golden-ratio sequence)."""
+    places = np.arange(1, count + 1, dtype=np.float64) + 7.0 * seed
+    return np.asarray(0.5 + places * 0.6180339887498949 % 1.0, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """Plain calls of one configuration's models."""
+
+    resolved: Resolved
+
+    def move(self, x: Array, u: Array, dt_s: float) -> tuple[Array, Array, Array]:
+        """x_next (n,), F (n, n), B (n, inputs) of one interval, s."""
+        process, module = self.resolved.process, self.resolved.process_module
+        n, m = len(process.states), len(process.inputs)
+        p = np.array(process.parameters or (0.0,))
+        F, B = np.zeros((n, n)), np.zeros((n, max(m, 1)))
+        if process.linear:
+            c, G, q = np.zeros(n), np.zeros((n, max(process.noises, 1))), np.zeros(max(process.noises, 1))
+            interpreted(module.discretise)(dt_s, p, F, B, c, G, q)
+            return F @ x + B[:, :m] @ u + c, F, B[:, :m]
+        x_next = np.zeros(n)
+        interpreted(module.transition)(x, u, dt_s, p, x_next, F, B)
+        return x_next, F, B[:, :m]
+
+    def look(self, sensor: ResolvedSensor, x: Array, turn: int = 0) -> tuple[Array, Array]:
+        """h (dof,) and H (dof, n) of an updating sensor; `turn` chooses among the indices it may carry."""
+        model = sensor.model
+        places = {slot.name: place for place, slot in enumerate(self.resolved.process.states)}
+        at = np.array([places[name] for name in model.reads], dtype=np.int64)
+        z = np.zeros(len(model.channels))
+        if model.indices:
+            z[model.dof :] = model.indices[turn % len(model.indices)]
+        h, H = np.zeros(len(z)), np.zeros((len(z), len(x)))
+        assert sensor.module is not None
+        observe: Callable[..., bool] = interpreted(sensor.module.observe)
+        observe(x, z, at, np.array(model.parameters or (0.0,)), h, H)
+        return h[: model.dof], H[: model.dof]
+
+    def start(self) -> Array:
+        """The initial state moved off every special value, so that nothing is zero by accident."""
+        initial = self.resolved.config.initial.state
+        x0 = np.array([initial.get(slot.key, 0.0) for slot in self.resolved.process.states])
+        moved: Array = x0 + irregular(len(x0))
+        return moved

@@ -1,0 +1,5 @@
+"""`python -m fusiond.cli`, the same as `fusiond`."""
+
+from fusiond.cli import main
+
+main()

@@ -1,0 +1,203 @@
+"""Every command. Heavy rooms are imported by the command that needs them, so that `--help` is instant."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fusiond import __version__
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Fault-tolerant sensor fusion: one trustworthy state from sensors that may lie.",
+)
+config_app = typer.Typer(no_args_is_help=True, help="Configurations.")
+app.add_typer(config_app, name="config")
+
+ConfigPath = Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML configuration.", show_default=False)]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Connect = Annotated[list[str] | None, typer.Option("--connect", help="Endpoint to connect to, tcp/127.0.0.1:7447.")]
+Listen = Annotated[list[str] | None, typer.Option("--listen", help="Endpoint to listen on; port 0 picks one.")]
+Seed = Annotated[int, typer.Option(help="Of everything random.")]
+RunPath = Annotated[Path, typer.Argument(help="MCAP recording with reports.", show_default=False)]
+Endpoint = Annotated[str, typer.Option("--connect", help="Endpoint of the daemon.")]
+
+
+def _emit(result: dict[str, Any]) -> None:
+    """One JSON object on stdout."""
+    typer.echo(json.dumps(result, allow_nan=False))
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"fusiond {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")] = False,
+) -> None:
+    """Options before the command."""
+
+
+@app.command()
+def demo(
+    name: Annotated[str, typer.Argument(help="A simulated system: minicar, birotor.")] = "minicar",
+    for_s: Annotated[float, typer.Option("--for", help="Seconds.", min=1.0)] = 30.0,
+    as_json: Json = False,
+    seed: Seed = 0,
+) -> None:
+    """Start a simulated plant, its sensors and the real daemon on loopback; watch them; end with a verdict."""
+    from fusiond.demo import run_demo
+
+    raise typer.Exit(run_demo(name, for_s, as_json, seed))
+
+
+@app.command()
+def run(
+    config: ConfigPath,
+    connect: Connect = None,
+    listen: Listen = None,
+    record: Annotated[Path | None, typer.Option(help="Record everything that is decided.")] = None,
+) -> None:
+    """Run the daemon until SIGTERM; prints `ready ENDPOINT...` when it takes readings."""
+    from fusiond.assembly.assembly import load
+    from fusiond.service.serve import serve
+
+    assembly = load(config)
+    raise typer.Exit(
+        serve(
+            assembly,
+            listen=listen or (),
+            connect=connect or (),
+            record=record,
+            on_ready=lambda endpoints: print("ready", *endpoints, flush=True),
+            config_text=config.read_text(encoding="utf-8"),
+        )
+    )
+
+
+@app.command()
+def check(config: ConfigPath, as_json: Json = False) -> None:
+    """Validate a configuration and print what is derived from it."""
+    from fusiond.assembly.assembly import load
+    from fusiond.assembly.summary import summary
+    from fusiond.cli.views import show_check
+
+    result = summary(load(config))
+    if as_json:
+        _emit(result)
+    else:
+        show_check(result)
+
+
+@app.command()
+def replay(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="CSV or MCAP.", show_default=False)],
+    config: ConfigPath,
+    truth: Annotated[Path | None, typer.Option(help="CSV to compare with: t_s and names of states.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the run here, MCAP.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Run a recording through the same engine, as fast as it goes, bit for bit repeatable."""
+    from fusiond.assembly.assembly import load
+    from fusiond.cli.replaying import replay_log
+    from fusiond.cli.views import show_replay
+
+    result = replay_log(load(config), log, truth=truth, out=out, config_text=config.read_text(encoding="utf-8"))
+    if as_json:
+        _emit(result)
+    else:
+        show_replay(result)
+
+
+@app.command()
+def record(
+    config: ConfigPath,
+    out: Annotated[Path, typer.Argument(help="MCAP to write.", show_default=False)],
+    connect: Connect = None,
+    listen: Listen = None,
+    for_s: Annotated[float | None, typer.Option("--for", help="Seconds; until SIGTERM without it.")] = None,
+) -> None:
+    """Listen to a configuration's sensors and record them, without a daemon."""
+    from fusiond.assembly.assembly import load
+    from fusiond.service.record import listen_and_record
+
+    raise typer.Exit(
+        listen_and_record(
+            load(config),
+            out,
+            listen=listen or (),
+            connect=connect or (),
+            for_s=for_s,
+            on_ready=lambda endpoints: print("ready", *endpoints, flush=True),
+            config_text=config.read_text(encoding="utf-8"),
+        )
+    )
+
+
+@app.command("import")
+def import_(
+    src: Annotated[Path, typer.Argument(help="rosbag 1 or 2, MCAP, CSV, MAT, or a folder.", show_default=False)],
+    mapping: Annotated[Path, typer.Argument(metavar="MAP", help="TOML: which column is which sensor.")],
+    out: Annotated[Path, typer.Argument(help="MCAP or CSV to write.", show_default=False)],
+    json_readings: Annotated[bool, typer.Option(help="Also as JSON, for viewers that plot.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Import a foreign recording."""
+    from dataclasses import asdict
+
+    from fusiond.cli.views import counting, show_import
+    from fusiond.recording.importing import import_recording
+
+    with counting(f"import {src.name}") as progress:
+        imported = import_recording(src, mapping, out, json_readings=json_readings, progress=progress)
+    if as_json:
+        _emit(json.loads(json.dumps(asdict(imported), default=str)))
+    else:
+        show_import(imported, out)
+
+
+@app.command()
+def diff(run_a: RunPath, run_b: RunPath, as_json: Json = False) -> None:
+    """Where two runs differ first, and by how much. Exit status 1 where they differ."""
+    from fusiond.cli.views import show_diff
+    from fusiond.recording.diff import diff as compare
+
+    difference = compare(run_a, run_b)
+    if as_json:
+        _emit(json.loads(json.dumps(difference.json_object()).replace("Infinity", "null").replace("NaN", "null")))
+    else:
+        show_diff(difference)
+    raise typer.Exit(0 if difference.equal else 1)
+
+
+@app.command()
+def status(
+    name: Annotated[str | None, typer.Argument(help="Name of the configuration; any daemon without it.")] = None,
+    connect: Endpoint = "tcp/127.0.0.1:7447",
+    as_json: Json = False,
+) -> None:
+    """Ask a running daemon how it is."""
+    from fusiond.cli.views import show_status
+    from fusiond.service.ask import ask
+
+    answer = ask(name, "status", connect)
+    if as_json:
+        _emit(answer)
+    else:
+        show_status(answer)
+
+
+@config_app.command()
+def schema() -> None:
+    """Print the JSON Schema of a configuration."""
+    from fusiond.config import schema as json_schema
+
+    typer.echo(json.dumps(json_schema(), indent=2))

@@ -1,0 +1,120 @@
+"""What commands print for people. Results go to stdout, progress to stderr and only where somebody watches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+console = Console()
+
+
+@contextmanager
+def counting(what: str) -> Iterator[Callable[[int], None]]:
+    """A spinner that counts readings; yields the function to tell it how many there were so far."""
+    columns = (SpinnerColumn(), TextColumn(what), TextColumn("{task.completed:,.0f} readings"), TimeElapsedColumn())
+    stderr = Console(stderr=True)
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as progress:
+        task = progress.add_task(what, total=None)
+        yield lambda count: progress.update(task, completed=count)
+
+
+def _table(title: str, *columns: str) -> Table:
+    """A plain table whose first column is left, the others right aligned."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for number, column in enumerate(columns):
+        table.add_column(column, justify="left" if number == 0 else "right")
+    return table
+
+
+def _number(value: float | None) -> str:
+    """Six digits, or a dash."""
+    return "-" if value is None else f"{value:.6g}"
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    """`gated 3, late 1`."""
+    return ", ".join(f"{name} {count}" for name, count in counts.items() if count) or "none"
+
+
+def show_check(result: Mapping[str, Any]) -> None:
+    """What a configuration implies."""
+    seen = result["observability"]
+    console.print(f"[bold]{result['name']}[/bold]: {', '.join(result['states'])}")
+    if result["inputs"]:
+        console.print(f"driven by {', '.join(result['inputs'])}")
+    unseen = f"; unobserved, as accepted: {', '.join(seen['unobserved'])}" if seen["unobserved"] else ""
+    console.print(f"observability: rank {seen['rank']} of {seen['states']}{unseen}")
+    table = _table("", "sensor", "role", "channels", "silent after", "without it unobserved")
+    for sensor in result["sensors"]:
+        without = seen["without"].get(sensor["name"])
+        lost = "" if without is None else ", ".join(without["unobserved"]) or "nothing"
+        silence = "never" if sensor["max_silence_s"] is None else f"{sensor['max_silence_s']:.3g} s"
+        table.add_row(sensor["name"], sensor["role"], " ".join(sensor["channels"]), silence, lost)
+    console.print(table)
+    console.print(
+        f"{result['filters']} filters, {result['bytes']['track']} bytes of state; "
+        f"readings up to {result['reordered_within_s']:g} s late are put in their place"
+    )
+
+
+def show_replay(result: Mapping[str, Any]) -> None:
+    """The outcome of a replay."""
+    rate = result["readings"] / result["wall_s"] if result["wall_s"] else 0.0
+    console.print(f"{result['readings']:,} readings in {result['wall_s']:.2f} s ({rate:,.0f} a second)")
+    final = result["final"]
+    if final:
+        columns = ["state", "value", "std"] + (["RMSE"] if result.get("rmse") else [])
+        table = _table(f"at {final['t_s']:.3f} s, {final['health']}", *columns)
+        rmse = result.get("rmse") or {}
+        for name, value in final["state"].items():
+            error = [_number(rmse.get(name))] if rmse else []
+            table.add_row(name, _number(value), _number(final["std"][name]), *error)
+        for name in rmse.keys() - final["state"].keys():
+            table.add_row(name, "", "", _number(rmse[name]))
+        console.print(table)
+    if result.get("nees_mean") is not None:
+        console.print(f"mean NEES {result['nees_mean']:.3f} (a consistent filter: {result.get('nees_dof', '?')})")
+    table = _table("", "sensor", "used", "rejected", "late", "mean NIS", "health")
+    for name, sensor in result["sensors"].items():
+        counts = (str(sensor[key]) for key in ("used", "rejected", "late"))
+        table.add_row(name, *counts, _number(sensor["nis_mean"]), sensor["health"])
+    console.print(table)
+    console.print(f"refused: {_counts(result.get('refused', {}))}")
+    for warning in result.get("warnings", []):
+        console.print(f"[yellow]{warning}[/yellow]")
+
+
+def show_import(imported: Any, out: Path) -> None:
+    """What was imported."""
+    console.print(f"{out}: {imported.readings:,} readings")
+    for name, count in imported.sensors.items():
+        console.print(f"  {name}: {count:,}")
+    if imported.truth is not None:
+        console.print(f"truth: {imported.truth}")
+    for warning in imported.warnings:
+        console.print(f"[yellow]{warning}[/yellow]")
+
+
+def show_diff(difference: Any) -> None:
+    """Where two runs differ."""
+    for note in difference.notes:
+        console.print(note)
+    if difference.equal:
+        console.print(f"equal: {difference.reports[0]:,} reports, the same bits")
+        return
+    console.print(f"{difference.differing:,} of {min(difference.reports):,} reports differ")
+    if difference.first is not None:
+        console.print(f"first: {difference.first.text()}")
+    for field, largest in difference.largest.items():
+        console.print(f"  {field}: at most {largest:.6g}")
+
+
+def show_status(answer: Mapping[str, Any]) -> None:
+    """A running daemon."""
+    console.print_json(data=answer)
