@@ -105,9 +105,8 @@ class BackgroundWriter:
     def _write(self, kind: str) -> None:
         gathered = self._gathered[kind]
         if gathered:
-            block = np.concatenate(gathered)
+            getattr(self.writer, kind)(np.concatenate(gathered))
             gathered.clear()
-            getattr(self.writer, kind)(block)
 
     def _flush(self) -> None:
         self._write("readings")

@@ -56,7 +56,7 @@ def nanoseconds_column(texts: Sequence[str]) -> NDArray[np.int64]:
         try:
             parts = [text.partition(".") for text in texts]
             return np.array([int(a + f) * POWERS[len(f)] for a, _, f in parts], dtype=np.int64)
-        except (IndexError, OverflowError):
+        except (IndexError, OverflowError, ValueError):
             pass
     return np.array([nanoseconds_of(text) for text in texts], dtype=np.int64)
 

@@ -1,9 +1,10 @@
-"""Import of a foreign recording: rows of all its files, merged in the order they were recorded, into one log."""
+"""Import of a foreign recording: rows of all its files, merged in the order they were recorded, into one log.
+"""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from heapq import merge
 from pathlib import Path
@@ -17,8 +18,8 @@ from fusiond.engine.records import HAS_ARRIVAL, HAS_SEQ
 from fusiond.errors import ConfigError, LogError
 from fusiond.recording.csv_log import write_csv
 from fusiond.recording.decimal_time import seconds_text
-from fusiond.recording.importing.mapping import ImportMapping, Source, read_mapping
-from fusiond.recording.importing.numbers import Projection, number_of
+from fusiond.recording.importing.mapping import ATTITUDE, Source, read_mapping
+from fusiond.recording.importing.numbers import Frames, number_of
 from fusiond.recording.importing.rows import MissingField, Row
 from fusiond.recording.importing.sources import Rows, rows_of
 from fusiond.recording.mcap_writer import McapWriter
@@ -61,7 +62,8 @@ def import_recording(
     """
     plan = read_mapping(mapping)
     layout = plan.layout(out.stem)
-    reader = Reader(src, plan, Refusals(), Projection(plan.origin_deg))
+    attitude = () if plan.attitude is None else (plan.attitude,)
+    reader = Reader(src, (*attitude, *plan.sensors), Frames(plan.origin_deg), Refusals())
     try:
         if out.suffix == ".csv":
             write_csv(out, layout, reader.chunks(layout, progress))
@@ -69,33 +71,67 @@ def import_recording(
             with McapWriter(out, layout, json_readings=json_readings) as writer:
                 for chunk in reader.chunks(layout, progress):
                     writer.readings(chunk)
-        truth = write_truth(src, plan, out, reader.projection, reader.refusals) if plan.truth else None
+        truth = write_truth(src, plan.truth, out, reader.frames, reader.refusals) if plan.truth else None
     except OSError as error:
         raise LogError(f"{out}: cannot be written ({error.strerror}); name a writable place") from error
     return Imported(reader.counts, truth, reader.refusals, reader.t_ns)
 
 
+@dataclass(frozen=True, slots=True)
+class RowReading:
+    """One reading on its way into a log."""
+
+    t_ns: int
+    arrival_ns: int | None
+    seq: int | None
+    z: tuple[float, ...]
+
+
 @dataclass(slots=True)
 class Reader:
-    """The readings of a foreign recording, in arrival order."""
+    """The readings of a foreign recording, in arrival order.
+
+    A field that is missing in a sensor's first row is the mapping's mistake (ConfigError), later the
+    recording's: counted.
+    """
 
     src: Path
-    plan: ImportMapping
+    sources: tuple[Source, ...]
+    frames: Frames
     refusals: Refusals
-    projection: Projection
     counts: dict[str, int] = field(default_factory=dict)
     t_ns: tuple[int, int] | None = None
+    _seen: set[str] = field(default_factory=set)
+    _before: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
-    def merged(self) -> Iterator[tuple[int, Source, RowReading]]:
-        """Readings of all files with their source, merged by the first element."""
-        streams = [self._stream(rows) for rows in rows_of(self.src, self.plan.sensors)]
-        return merge(*streams, key=lambda item: item[0])
+    def readings(self) -> Iterator[tuple[Source, RowReading]]:
+        """Readings of all files with their source, merged by arrival (by stamp where the mapping names no
+        arrival).
+        """
+        streams = [self._stream(rows) for rows in rows_of(self.src, self.sources)]
+        for _, number, source, row in merge(*streams, key=lambda item: item[0]):
+            try:
+                if source.name == ATTITUDE:
+                    x, y, z, w = (row.number(field) for field in source.values[0].fields)
+                    self.frames.attitude = (x, y, z, w)
+                    continue
+                reading = reading_of(row, source, self.frames)
+            except (MissingField, ValueError, OverflowError) as error:
+                self._refuse(error, number, source)
+                continue
+            finally:
+                self._seen.add(source.name)
+            if source.on_change:
+                if self._before.get(source.name) == reading.z:
+                    continue
+                self._before[source.name] = reading.z
+            yield source, reading
 
     def chunks(self, layout: Layout, progress: Callable[[int], None] | None) -> Iterator[NDArray[Any]]:
         """Arrays of the layout's readings."""
         self.counts = dict.fromkeys(layout.numbers, 0)
         out, kept = np.zeros(CHUNK, layout.reading), 0
-        for _, source, reading in self.merged():
+        for source, reading in self.readings():
             fill(out[kept], layout.numbers[source.name], reading)
             self.counts[source.name] += 1
             first, last = self.t_ns or (reading.t_ns, reading.t_ns)
@@ -109,70 +145,41 @@ class Reader:
         if kept:
             yield out[:kept]
 
-    def _stream(self, rows: Rows) -> Iterator[tuple[int, Source, RowReading]]:
-        """Readings of one file with the key that merges it with others: never decreasing, so file order
+    def _stream(self, rows: Rows) -> Iterator[tuple[int, int, Source, Row]]:
+        """Rows of one file under a key that merges it with others: never decreasing, so the file's order
         stays.
         """
         latest = -(2**63)
-        before: dict[str, tuple[float, ...]] = {}
-        seen: set[str] = set()
         for number, (row, sources) in enumerate(rows, 1):
-            for reading, source in readings_of(row, number, sources, self.projection, self.refusals, seen):
-                if source.on_change:
-                    if before.get(source.name) == reading.z:
+            for source in sources:
+                try:
+                    where = source.place.where
+                    if where is not None and row.text(where[0]) != where[1]:
                         continue
-                    before[source.name] = reading.z
-                latest = max(latest, reading.t_ns if reading.arrival_ns is None else reading.arrival_ns)
-                yield latest, source, reading
+                    latest = max(latest, recorded_ns(row, source))
+                except (MissingField, ValueError, OverflowError) as error:
+                    self._refuse(error, number, source)
+                    continue
+                yield latest, number, source, row
+
+    def _refuse(self, error: Exception, number: int, source: Source) -> None:
+        if isinstance(error, MissingField) and source.name not in self._seen:
+            raise ConfigError(f"sensor.{source.name}: the recording {error}; correct the mapping") from error
+        self.refusals.add(Verdict.MALFORMED, f"row {number}, {source.name}: {error}")
 
 
-@dataclass(frozen=True, slots=True)
-class RowReading:
-    """One reading on its way into a log."""
-
-    t_ns: int
-    arrival_ns: int | None
-    seq: int | None
-    z: tuple[float, ...]
+def recorded_ns(row: Row, source: Source) -> int:
+    """When a row was recorded: its arrival where the mapping names one, otherwise its stamp."""
+    if source.arrival is None:
+        return row.time_ns(source.time, source.time_unit)
+    return row.time_ns(source.arrival, source.arrival_unit)
 
 
-def readings_of(
-    row: Row,
-    number: int,
-    sources: Sequence[Source],
-    projection: Projection,
-    refusals: Refusals,
-    seen: set[str],
-) -> Iterator[tuple[RowReading, Source]]:
-    """The readings of one row.
-
-    A field that is missing in a source's first row is the mapping's mistake (ConfigError), later the
-    recording's: counted.
-    """
-    for source in sources:
-        try:
-            where = source.place.where
-            if where is not None and row.text(where[0]) != where[1]:
-                continue
-            reading = reading_of(row, source, projection)
-        except MissingField as error:
-            if source.name not in seen:
-                raise ConfigError(
-                    f"sensor.{source.name}: the recording {error}; correct the mapping"
-                ) from error
-            refusals.add(Verdict.MALFORMED, f"row {number}, {source.name}: {error}")
-        except (ValueError, OverflowError) as error:
-            refusals.add(Verdict.MALFORMED, f"row {number}, {source.name}: {error}")
-        else:
-            seen.add(source.name)
-            yield reading, source
-
-
-def reading_of(row: Row, source: Source, projection: Projection) -> RowReading:
+def reading_of(row: Row, source: Source, frames: Frames) -> RowReading:
     """One reading. Raises: MissingField; ValueError where a number is none."""
     arrival_ns = None if source.arrival is None else row.time_ns(source.arrival, source.arrival_unit)
     seq = None if source.seq is None else int(row.text(source.seq))
-    z = tuple(number_of(value, row, projection) for value in source.values)
+    z = tuple(number_of(value, row, frames) for value in source.values)
     return RowReading(row.time_ns(source.time, source.time_unit), arrival_ns, seq, z)
 
 
@@ -193,25 +200,22 @@ def fill(out: Any, sensor: int, reading: RowReading) -> None:
 
 
 def write_truth(
-    src: Path, plan: ImportMapping, out: Path, projection: Projection, refusals: Refusals
+    src: Path, truth: tuple[Source, ...], out: Path, frames: Frames, refusals: Refusals
 ) -> tuple[int, Path]:
-    """The mapping's truth as a CSV beside the log; rows that go back in time are counted and left out."""
+    """The mapping's truth as a CSV beside the log; rows that are not later than the one before are counted
+    and left out.
+    """
     path = out.with_suffix(".truth.csv")
     rows, latest = 0, -(2**63)
-    truth = Reader(
-        src, ImportMapping(plan.truth, (), plan.origin_deg), refusals=refusals, projection=projection
-    )
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["t_s", *(value.name for value in plan.truth[0].values)])
-        for _, _, reading in truth.merged():
+        writer.writerow(["t_s", *(value.name for value in truth[0].values)])
+        for _, reading in Reader(src, truth, frames, refusals).readings():
+            at = seconds_text(reading.t_ns)
             if reading.t_ns <= latest:
-                refusals.add(
-                    Verdict.MALFORMED,
-                    f"truth at {seconds_text(reading.t_ns)} s: not later than the row before",
-                )
+                refusals.add(Verdict.MALFORMED, f"truth at {at} s: not later than the row before")
                 continue
             latest = reading.t_ns
-            writer.writerow([seconds_text(reading.t_ns), *map(repr, reading.z)])
+            writer.writerow([at, *map(repr, reading.z)])
             rows += 1
     return rows, path

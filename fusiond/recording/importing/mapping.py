@@ -16,7 +16,9 @@ Where a row comes from: `file`; `topic` (bags, MCAP); `key` (MAT); `time_file` a
 When it was: `time` (column, index, dotted field, or "log_time") with `time_unit`, the same for `arrival`, and
 `seq`.
 A value is `from` a column, index or dotted field (scale, offset, convert, wrap), `east_of` / `north_of` a
-latitude and a longitude in degrees, or `yaw_of` a quaternion [x, y, z, w].
+latitude and a longitude in degrees, or `yaw_of` a quaternion [x, y, z, w] from body to world, or `forward_of`
+/ `left_of` a velocity [x, y, z] of the body: what is left of it in the horizontal plane, ahead and to the
+left, by the newest orientation of the table [attitude] (`quaternion = [x, y, z, w]`, a place and a clock).
 
 `[truth]` (or several `[[truth]]`) is written like a sensor, with names of states or outputs; `[origin]` has
 the latitude and longitude, deg, that east and north count from (without it the first position).
@@ -41,13 +43,17 @@ Field = str | int
 
 PLACE = {"file", "topic", "key", "time_file", "value_file", "delimiter", "header", "where"}
 CLOCK = {"time", "time_unit", "arrival", "arrival_unit", "seq"}
-VALUE = {"name", "unit", "from", "scale", "offset", "convert", "wrap", "east_of", "north_of", "yaw_of"}
+KINDS = {"from": 1, "east_of": 2, "north_of": 2, "yaw_of": 4, "forward_of": 3, "left_of": 3}
+"""What a number is made of, and of how many fields."""
+VALUE = {"name", "unit", "scale", "offset", "convert", "wrap", *KINDS}
+ATTITUDE = "attitude"
+"""Name of the source that gives the body's orientation; no sensor may have it."""
 CONVERSIONS = ("deg_to_rad", "km_h_to_m_s", "course_deg_to_yaw_rad")
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """One number of a reading. `kind` is from, east_of, north_of or yaw_of; `fields` what it is made of."""
+    """One number of a reading. `kind` is one of KINDS, `fields` what it is made of."""
 
     name: str
     unit: str
@@ -93,8 +99,10 @@ class ImportMapping:
     """A whole mapping file; sensors in its order."""
 
     sensors: tuple[Source, ...]
-    truth: tuple[Source, ...]
-    origin_deg: tuple[float, float] | None
+    truth: tuple[Source, ...] = ()
+    attitude: Source | None = None
+    """Orientation of the body, for velocities that are levelled; its only value is the quaternion."""
+    origin_deg: tuple[float, float] | None = None
 
     def layout(self, name: str) -> Layout:
         """A layout that has only sensors, numbered in the mapping's order."""
@@ -113,7 +121,8 @@ class ImportMapping:
 
 
 def read_mapping(path: Path) -> ImportMapping:
-    """Read a mapping file. Raises: ConfigError where it is missing, no TOML, or says what nobody understands."""
+    """Read a mapping file. Raises: ConfigError where it is missing, no TOML, or says what nobody understands.
+    """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -127,20 +136,44 @@ def read_mapping(path: Path) -> ImportMapping:
 
 def mapping_of(content: Mapping[str, Any], subject: str) -> ImportMapping:
     """The same from parsed TOML."""
-    check_keys(content, PLACE | CLOCK | {"sensor", "truth", "origin"}, subject)
+    check_keys(content, PLACE | CLOCK | {"sensor", "truth", "origin", "attitude"}, subject)
     defaults = {key: value for key, value in content.items() if key in PLACE | CLOCK}
     sensors = content.get("sensor", {})
     if not isinstance(sensors, dict) or not sensors:
         raise ConfigError(f"{subject}: maps no sensor; add a table [sensor.NAME]")
+    if ATTITUDE in sensors:
+        raise ConfigError(
+            f"{subject}: sensor.{ATTITUDE}: the name is taken by the table [{ATTITUDE}]; choose another"
+        )
     sources = tuple(
         source_of(name, defaults | table, f"{subject}: sensor.{name}") for name, table in sensors.items()
     )
     origin = content.get("origin")
+    attitude = attitude_of(content.get("attitude"), defaults, f"{subject}: attitude")
+    levelled = any(v.kind in ("forward_of", "left_of") for s in sources for v in s.values)
+    if levelled and attitude is None:
+        raise ConfigError(
+            f"{subject}: forward_of and left_of need an orientation; add [attitude] with a quaternion"
+        )
     return ImportMapping(
         sources,
         truth_of(content.get("truth", ()), defaults, subject),
+        attitude,
         None if origin is None else origin_of(origin, f"{subject}: origin"),
     )
+
+
+def attitude_of(table: Mapping[str, Any] | None, defaults: Mapping[str, Any], subject: str) -> Source | None:
+    """The table [attitude]: a place, a clock and `quaternion`."""
+    if table is None:
+        return None
+    if "quaternion" not in table:
+        raise ConfigError(
+            f"{subject}: has no quaternion; add `quaternion = [x, y, z, w]`, four columns or fields"
+        )
+    rest = {key: value for key, value in table.items() if key != "quaternion"}
+    values = [{"name": ATTITUDE, "yaw_of": table["quaternion"]}]
+    return source_of(ATTITUDE, {**defaults, **rest, "values": values}, subject)
 
 
 def truth_of(tables: Any, defaults: Mapping[str, Any], subject: str) -> tuple[Source, ...]:
@@ -213,15 +246,15 @@ def value_of(table: Any, subject: str) -> Value:
     if not isinstance(table, dict):
         raise ConfigError(f"{subject}: is no table; write {{ name = ..., unit = ..., from = ... }}")
     check_keys(table, VALUE, subject)
-    kinds = [kind for kind in ("from", "east_of", "north_of", "yaw_of") if kind in table]
+    kinds = [kind for kind in KINDS if kind in table]
     if len(kinds) != 1:
         raise ConfigError(
-            f"{subject}: says {' and '.join(kinds) or 'no source'}; write one of from, east_of, north_of, yaw_of"
+            f"{subject}: says {' and '.join(kinds) or 'no source'}; write one of {', '.join(KINDS)}"
         )
     kind = kinds[0]
     raw = table[kind]
     fields = tuple(raw) if isinstance(raw, list) else (raw,)
-    needed = {"from": 1, "east_of": 2, "north_of": 2, "yaw_of": 4}[kind]
+    needed = KINDS[kind]
     if len(fields) != needed or not all(isinstance(f, str | int) for f in fields):
         raise ConfigError(f"{subject}.{kind}: {raw!r} is not {needed} column(s); name them, or count from 0")
     convert = table.get("convert", "")

@@ -36,6 +36,27 @@ class Projection:
         return prime_vertical_m * math.cos(lat0) * east_rad, meridian_m * (math.radians(latitude_deg) - lat0)
 
 
+class Frames:
+    """What numbers are turned by: the local tangent plane, and the newest orientation of the body."""
+
+    def __init__(self, origin_deg: tuple[float, float] | None) -> None:
+        self.projection = Projection(origin_deg)
+        self.attitude: tuple[float, float, float, float] | None = None
+
+    def level(self, x: float, y: float, z: float) -> tuple[float, float]:
+        """The horizontal part of a body-fixed vector, ahead and to the left of the body's yaw.
+
+        Raises: ValueError before the first orientation.
+        """
+        if self.attitude is None:
+            raise ValueError("no orientation came before it")
+        qx, qy, qz, qw = self.attitude
+        east = (1 - 2 * (qy * qy + qz * qz)) * x + 2 * (qx * qy - qw * qz) * y + 2 * (qx * qz + qw * qy) * z
+        north = 2 * (qx * qy + qw * qz) * x + (1 - 2 * (qx * qx + qz * qz)) * y + 2 * (qy * qz - qw * qx) * z
+        yaw = yaw_rad(qx, qy, qz, qw)
+        return math.cos(yaw) * east + math.sin(yaw) * north, math.cos(yaw) * north - math.sin(yaw) * east
+
+
 def wrapped(angle_rad: float) -> float:
     """The same angle within [-pi, pi)."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
@@ -46,15 +67,17 @@ def yaw_rad(x: float, y: float, z: float, w: float) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def number_of(value: Value, row: Row, projection: Projection) -> float:
+def number_of(value: Value, row: Row, frames: Frames) -> float:
     """One number of a reading. Raises: MissingField; ValueError where the row has no number there."""
     fields = [row.number(field) for field in value.fields]
     if value.kind == "from":
         number = fields[0]
     elif value.kind == "yaw_of":
         number = yaw_rad(*fields)
+    elif value.kind in ("forward_of", "left_of"):
+        number = frames.level(*fields)[0 if value.kind == "forward_of" else 1]
     else:
-        number = projection.east_north_m(*fields)[0 if value.kind == "east_of" else 1]
+        number = frames.projection.east_north_m(*fields)[0 if value.kind == "east_of" else 1]
     number = converted(number, value.convert) * value.scale + value.offset
     return wrapped(number) if value.wrap else number
 

@@ -1,4 +1,5 @@
-"""Opening foreign recordings: every file becomes rows in its own order, each with the sources that read it."""
+"""Opening foreign recordings: every file becomes rows in its own order, each with the sources that read it.
+"""
 
 from __future__ import annotations
 
