@@ -42,7 +42,8 @@ class BackgroundWriter:
         self._capacity = capacity
         self._flush_s = flush_s
         self._queue: deque[tuple[str, Any]] = deque()
-        self._gathered: dict[str, list[NDArray[Any]]] = {"readings": [], "reports": []}
+        self._gathered: dict[str, list[bytes]] = {"readings": [], "reports": []}
+        self._dtypes: dict[str, np.dtype[Any]] = {"readings": writer.layout.reading, "reports": writer.layout.report}
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="fusiond-recording", daemon=True)
         self._thread.start()
@@ -72,7 +73,7 @@ class BackgroundWriter:
         if self.error or len(self._queue) >= self._capacity or self._stop.is_set():
             self.dropped[kind] += number
             return False
-        self._queue.append((kind, item.copy() if isinstance(item, np.ndarray) else item))
+        self._queue.append((kind, item.tobytes() if isinstance(item, np.ndarray) else item))
         return True
 
     def _work(self) -> None:
@@ -105,7 +106,8 @@ class BackgroundWriter:
     def _write(self, kind: str) -> None:
         gathered = self._gathered[kind]
         if gathered:
-            getattr(self.writer, kind)(np.concatenate(gathered))
+            # Joined bytes, not concatenated arrays: a hundredth of the time during which the loop stands still for us.
+            getattr(self.writer, kind)(np.frombuffer(b"".join(gathered), self._dtypes[kind]))
             gathered.clear()
 
     def _flush(self) -> None:
@@ -116,11 +118,11 @@ class BackgroundWriter:
     def _forget(self) -> None:
         """Count as dropped what was queued when writing failed."""
         for kind, gathered in self._gathered.items():
-            self.dropped[kind] += sum(len(block) for block in gathered)
+            self.dropped[kind] += sum(map(len, gathered)) // self._dtypes[kind].itemsize
             gathered.clear()
         while self._queue:
             kind, item = self._queue.popleft()
-            self.dropped[kind] += 1 if kind == "messages" else len(item)
+            self.dropped[kind] += 1 if kind == "messages" else len(item) // self._dtypes[kind].itemsize
 
     def _finish(self) -> None:
         dropped = {f"dropped_{kind}": number for kind, number in self.dropped.items()}

@@ -26,6 +26,8 @@ from fusiond.types import TICK, Verdict
 
 BLOCK = 1 << 19
 """Characters read at once: some 15,000 rows."""
+FEW = 32
+"""Lines that are read one by one where there is something wrong among them."""
 UNKNOWN = TICK - 1
 SPECIAL = re.compile(r"[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE)
 HEADER = "t_s,sensor,z0,z1,... with optional arrival_s and seq"
@@ -100,9 +102,7 @@ class CsvLog:
         with self._open() as file:
             file.readline()
             for line_number, lines in self._blocks(file):
-                readings = self._block(lines, line_number)
-                if len(readings):
-                    yield readings
+                yield from (readings for readings in self._pieces(lines, line_number) if len(readings))
 
     def _blocks(self, file: TextIO) -> Iterator[tuple[int, list[str]]]:
         """Whole lines in blocks, each with the number of its first line."""
@@ -123,13 +123,19 @@ class CsvLog:
             if not text:
                 return
 
-    def _block(self, lines: list[str], first_line: int) -> NDArray[Any]:
-        while lines and not lines[-1]:
-            lines = lines[:-1]
+    def _pieces(self, lines: list[str], first_line: int) -> Iterator[NDArray[Any]]:
+        """The readings of some lines; what keeps them from the fast path is narrowed down to a few by halving."""
+        if not lines or lines == [""]:
+            return
         try:
-            return self._fast(lines, first_line)
+            yield self._fast(lines, first_line)
         except ValueError:
-            return self._careful(lines, first_line)
+            if len(lines) <= FEW:
+                yield self._careful(lines, first_line)
+                return
+            half = len(lines) // 2
+            yield from self._pieces(lines[:half], first_line)
+            yield from self._pieces(lines[half:], first_line + half)
 
     def _fast(self, lines: list[str], first_line: int) -> NDArray[Any]:
         """All rows at once, column by column. Raises: ValueError where any row needs the careful path."""

@@ -15,6 +15,8 @@ DIGITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 LIMIT_NS = 2**63
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 PLAIN = "+-.0123456789"
+POSSIBLE = PLAIN + "eE \t\r\n\f\v"
+"""Characters a decimal number with blanks around it may have."""
 
 
 def nanoseconds_of(text: str, unit: str = "s") -> int:
@@ -52,7 +54,10 @@ def nanoseconds_column(texts: Sequence[str]) -> NDArray[np.int64]:
     fast.
     Raises: ValueError where a cell is no decimal number.
     """
-    if not "".join(texts).strip(PLAIN):
+    odd = "".join(texts).strip(PLAIN)
+    if odd.strip(POSSIBLE):
+        raise ValueError("a cell is not a decimal number")
+    if not odd:
         try:
             parts = [text.partition(".") for text in texts]
             return np.array([int(a + f) * POWERS[len(f)] for a, _, f in parts], dtype=np.int64)

@@ -173,7 +173,8 @@ def test_json_messages_of_an_mcap_file(importing, tmp_path):
             writer.add_message(channel, log_time=100 + k, data=json.dumps(message).encode(), publish_time=0)
         writer.add_message(channel, log_time=104, data=b"{", publish_time=0)
         writer.finish()
-    mapping = 'time = "header.stamp"\narrival = "log_time"\n[sensor.a]\ntopic = "/pose"\nvalues = [{ name = "x", from = "p.1.x" }]\n'
+    sensor = '[sensor.a]\ntopic = "/pose"\nvalues = [{ name = "x", from = "p.1.x" }]\n'
+    mapping = 'time = "header.stamp"\narrival = "log_time"\n' + sensor
     result, readings = importing(None, mapping, "src.mcap")
     assert readings["z"][:, 0].tolist() == [0.5, 1.5, 2.5]
     assert readings["t_ns"].tolist() == [5 * 10**9 + k for k in range(3)]
