@@ -14,7 +14,7 @@ import numpy as np
 from fusiond.errors import ConfigError
 from fusiond.models.contract import Process, flatten, shape_of
 from fusiond.numerics.arrays import copy_matrix, copy_vector
-from fusiond.numerics.discretise import van_loan
+from fusiond.numerics.discretise import multiply, van_loan
 from fusiond.numerics.kernel import interpreted, kernel
 from fusiond.numerics.ud import Matrix, Vector, ud_factor
 from fusiond.types import Slot
@@ -75,7 +75,7 @@ def discretise(dt_s: float, p: Vector, F: Matrix, B: Matrix, c: Vector, G: Matri
         copy_matrix(G_c, G)
         copy_vector(w, q)
     else:
-        F_d, B_d, Q_d = van_loan(A, B_c, (G_c * w) @ np.ascontiguousarray(G_c.T), dt_s)
+        F_d, B_d, Q_d = van_loan(A, B_c, multiply(G_c * w, G_c.T), dt_s)
         copy_matrix(F_d, F)
         copy_matrix(B_d, B)
         ud_factor(Q_d, G, q, 1e-9)

@@ -1,7 +1,7 @@
 """How kernels are compiled: one decorator for every function that runs per reading.
 
-Kernels are not cached on disk one by one: numba does not notice when a kernel called from another file changes. Only
-the assembled step is cached, in a folder named by the hash of everything it was compiled from (`fusiond.assembly`).
+Kernels are not cached on disk one by one: numba does not notice when a kernel called from another file changes. The
+assembled step is, in a folder named by the hash of everything it was compiled from (`fusiond.assembly`).
 """
 
 from __future__ import annotations
@@ -21,12 +21,16 @@ def kernel(function: Callable[P, T]) -> Callable[P, T]:
     No fast-math: a sum is taken in the order written, so that two configurations that compute the same thing
     give the same bits.
     """
-    compiled: Callable[P, T] = numba.njit(error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    compiled: Callable[P, T] = numba.njit(error_model="numpy", nogil=True)(function)
     return compiled
 
 
 def entry(function: Callable[P, T]) -> Callable[P, T]:
-    """Compile the one function that Python calls, and keep the machine code on disk beside its source."""
+    """Compile a function that Python calls, and keep the machine code on disk beside its source.
+
+    Only where an edit cannot leave stale code behind: its callees stand in the same file, or the file's folder is
+    named by the hash of all of them.
+    """
     compiled: Callable[P, T] = numba.njit(error_model="numpy", nogil=True, cache=True)(function)
     return compiled
 
