@@ -43,7 +43,10 @@ class BackgroundWriter:
         self._flush_s = flush_s
         self._queue: deque[tuple[str, Any]] = deque()
         self._gathered: dict[str, list[bytes]] = {"readings": [], "reports": []}
-        self._dtypes: dict[str, np.dtype[Any]] = {"readings": writer.layout.reading, "reports": writer.layout.report}
+        self._dtypes: dict[str, np.dtype[Any]] = {
+            "readings": writer.layout.reading,
+            "reports": writer.layout.report,
+        }
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="fusiond-recording", daemon=True)
         self._thread.start()

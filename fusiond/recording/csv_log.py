@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import gzip
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fusiond.engine.layout import Layout
 from fusiond.engine.records import HAS_ARRIVAL, HAS_SEQ
 from fusiond.errors import LogError
-from fusiond.recording.decimal_time import NUMBER, nanoseconds_column, nanoseconds_of, seconds_text
+from fusiond.recording.decimal_time import NUMBER, nanoseconds_column, nanoseconds_of
 from fusiond.recording.refusals import Refusals
 from fusiond.types import TICK, Verdict
 
@@ -80,10 +80,14 @@ class CsvLog:
         self.path = path
         self.layout = layout
         self.refusals = Refusals()
-        self.warnings: list[str] = []
         self._numbers = {"tick": TICK} | layout.numbers
         with self._open() as file:
             self._columns = columns_of(file.readline(), path)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What was wrong with the file as a whole, as far as it was read."""
+        return self.refusals.notes
 
     def _open(self) -> TextIO:
         try:
@@ -96,9 +100,7 @@ class CsvLog:
             raise LogError(f"{self.path}: cannot be read ({error.strerror}); name an existing log") from error
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
-        self.refusals.counts.clear()
-        self.refusals.first.clear()
-        self.warnings.clear()
+        self.refusals.clear()
         with self._open() as file:
             file.readline()
             for line_number, lines in self._blocks(file):
@@ -266,29 +268,3 @@ def seq_of(text: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) < 2**64):
         raise ValueError(f"{text!r} is not a sequence number")
     return int(text)
-
-
-def write_csv(path: Path, layout: Layout, chunks: Iterable[NDArray[Any]]) -> int:
-    """Write readings and ticks as a CSV log that reads back bit for bit, but for an R that came with a
-    reading.
-
-    Columns `arrival_s` and `seq` are always there, empty where a reading has none. Returns how many rows it
-    wrote.
-    """
-    names = {sensor.number: sensor.name for sensor in layout.sensors} | {TICK: "tick"}
-    payload, rows = layout.shape.payload, 0
-    with path.open("w", encoding="utf-8") as file:
-        file.write("t_s,sensor,arrival_s,seq," + ",".join(f"z{k}" for k in range(max(1, payload))) + "\n")
-        for readings in chunks:
-            file.writelines(row_text(reading, names) for reading in readings)
-            rows += len(readings)
-    return rows
-
-
-def row_text(reading: Any, names: dict[int, str]) -> str:
-    """One reading as a line of the log."""
-    flags = int(reading["flags"])
-    arrival = seconds_text(reading["arrival_ns"]) if flags & HAS_ARRIVAL else ""
-    seq = str(int(reading["seq"])) if flags & HAS_SEQ else ""
-    z = [repr(float(value)) for value in reading["z"][: int(reading["length"])]]
-    return ",".join([seconds_text(reading["t_ns"]), names[int(reading["sensor"])], arrival, seq, *z]) + "\n"

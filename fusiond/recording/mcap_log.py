@@ -34,7 +34,7 @@ class McapLog:
         self.path = path
         self.layout = layout
         self.refusals = Refusals()
-        self._file = McapFile(path)
+        self._file = McapFile(path, warnings=self.refusals.notes)
         head = self._file.head()
         self.config_text = head.get("config", "")
         self._packed = "packed" in head.get("readings", "").split(",")
@@ -50,14 +50,18 @@ class McapLog:
 
     @property
     def warnings(self) -> list[str]:
-        """What was wrong with the file, as far as it was read."""
-        return self._file.warnings
+        """What was wrong with the file as a whole, as far as it was read."""
+        return self.refusals.notes
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
-        self.refusals.counts.clear()
-        self.refusals.first.clear()
+        self.refusals.clear()
         chunks = self._packed_chunks() if self._packed else self._json_chunks()
         yield from (readings for readings in chunks if len(readings))
+        lost = self._file.metadata.get("fusiond.end", {}).get("dropped_readings", "0")
+        if lost != "0":
+            self.refusals.notes.append(
+                f"{self.path.name}: {lost} readings were lost while it was recorded; a replay differs from that run"
+            )
 
     def _packed_chunks(self) -> Iterator[NDArray[Any]]:
         translate, names = self._translation()

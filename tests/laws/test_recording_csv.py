@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from fusiond.engine.records import HAS_ARRIVAL, HAS_SEQ
 from fusiond.errors import LogError
 from fusiond.recording import csv_log
-from fusiond.recording.csv_log import CsvLog, write_csv
+from fusiond.recording.csv_log import CsvLog
+from fusiond.recording.csv_writer import write_csv
 from fusiond.recording.decimal_time import nanoseconds_column, nanoseconds_of, seconds_text
 from fusiond.types import TICK, Verdict
 from tests.laws.recording_samples import joined, layout_of, readings_of

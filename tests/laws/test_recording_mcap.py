@@ -205,7 +205,12 @@ def test_a_full_queue_drops_counts_and_never_waits(tmp_path):
     assert background.dropped == {"readings": 3, "reports": 0, "messages": 0}
     writer.let_go.set()
     assert not background.close()
-    assert joined(McapLog(tmp_path / "run.mcap", LAYOUT)).tobytes() == readings[:4].tobytes()
+    log = McapLog(tmp_path / "run.mcap", LAYOUT)
+    assert joined(log).tobytes() == readings[:4].tobytes()
+    assert log.warnings == [
+        "run.mcap: 3 readings were lost while it was recorded; a replay differs from that run"
+    ]
+    assert log.refusals.messages() == log.warnings
     file = McapFile(tmp_path / "run.mcap")
     list(file.walk())
     assert file.metadata["fusiond.end"]["dropped_readings"] == "3"

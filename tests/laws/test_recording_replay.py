@@ -11,7 +11,7 @@ import pytest
 from fusiond.assembly.assembly import assemble
 from fusiond.config import read
 from fusiond.errors import LogError
-from fusiond.recording.csv_log import write_csv
+from fusiond.recording.csv_writer import write_csv
 from fusiond.recording.diff import diff
 from fusiond.recording.log import open_log
 from fusiond.recording.mcap_writer import McapWriter

@@ -1,5 +1,4 @@
-"""Import of a foreign recording: rows of all its files, merged in the order they were recorded, into one log.
-"""
+"""Import of a foreign recording: rows of all its files, merged in the order they were recorded, into one log."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from fusiond.engine.layout import Layout
 from fusiond.engine.records import HAS_ARRIVAL, HAS_SEQ
 from fusiond.errors import ConfigError, LogError
-from fusiond.recording.csv_log import write_csv
+from fusiond.recording.csv_writer import write_csv
 from fusiond.recording.decimal_time import seconds_text
 from fusiond.recording.importing.mapping import ATTITUDE, Source, read_mapping
 from fusiond.recording.importing.numbers import Frames, number_of

@@ -121,8 +121,7 @@ class ImportMapping:
 
 
 def read_mapping(path: Path) -> ImportMapping:
-    """Read a mapping file. Raises: ConfigError where it is missing, no TOML, or says what nobody understands.
-    """
+    """Read a mapping file. Raises: ConfigError where it is missing, no TOML, or says what nobody understands."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

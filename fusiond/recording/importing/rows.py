@@ -1,5 +1,4 @@
-"""Rows of foreign recordings, whatever they come from: a number, a time or a text by the name of its field.
-"""
+"""Rows of foreign recordings, whatever they come from: a number, a time or a text by the name of its field."""
 
 from __future__ import annotations
 

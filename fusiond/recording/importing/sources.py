@@ -1,5 +1,4 @@
-"""Opening foreign recordings: every file becomes rows in its own order, each with the sources that read it.
-"""
+"""Opening foreign recordings: every file becomes rows in its own order, each with the sources that read it."""
 
 from __future__ import annotations
 
