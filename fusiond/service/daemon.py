@@ -1,8 +1,10 @@
-"""The daemon's life: startup, main_loop, shutdown. One thread owns all state; the others only hand it things."""
+"""The daemon's life: startup, main_loop, shutdown. All state belongs to who holds the mailbox's baton."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Any, Protocol
 
 import numpy as np
@@ -26,8 +28,6 @@ from fusiond.service.telemetry import Voice
 from fusiond.service.wire import Decoder
 from fusiond.types import TICK, Health
 
-MOST_AT_ONCE = 512
-"""Puts taken in one round: bounds the time until the loop looks up again."""
 HOUSEKEEPING_NS = 1_000_000_000
 LONGEST_WAIT_NS = 100_000_000
 """Longest sleep of the loop: a stop, and the watchdog, never wait longer."""
@@ -69,13 +69,18 @@ class Daemon:
         self._recorder = recorder
         self._notifier = notifier or Notifier()
         self._stopping = False
+        self._failure: Exception | None = None
+        self._bell: SimpleQueue[None] = SimpleQueue()
+        self.mailbox = Mailbox(self.settings.ring, self._work)
         self._opened: Sessions | None = None
-        self.mailbox = Mailbox(self.settings.ring)
 
     def stop(self) -> None:
-        """End the loop after the round it is in; allowed in a signal handler."""
+        """End the loop after the round it is in; allowed in a signal handler, as `SimpleQueue.put` is."""
         self._stopping = True
-        self.mailbox.ring()
+        self._wake()
+
+    def _wake(self) -> None:
+        self._bell.put(None)
 
     def startup(self) -> tuple[str, ...]:
         """Compile, open, subscribe, and only then declare to be alive.
@@ -103,33 +108,41 @@ class Daemon:
         return self.sessions.endpoints
 
     def main_loop(self) -> None:
-        """Go round until told to stop."""
+        """Meet one deadline after the other until told to stop; readings are worked off by who brings them.
+
+        Raises: what ended the work.
+        """
         while not self._stopping:
             self.round()
+        if self._failure is not None:
+            raise self._failure
 
     def shutdown(self) -> bool:
         """Close everything. False where a thread did not end, which must not keep the process."""
         self._notifier.stopping()
         if self._opened is None:
             return True
-        self._opened.close()
+        with self.mailbox.baton:
+            self._opened.close()
         self._admin.close(JOIN_S)
         return self._intake.join(JOIN_S)
 
     def round(self) -> None:
-        """Wait for readings or the next deadline, take what there is, let time pass, look after the house."""
+        """Wait for the next deadline or the bell; then, with the baton, answer, let time pass, keep house."""
         now_ns = self.clock.now_ns()
         due_ns = min(self._tick_due_ns, self._housekeeping_due_ns, now_ns + LONGEST_WAIT_NS)
-        arrivals = self.mailbox.take((due_ns - now_ns) / 1e9, MOST_AT_ONCE)
-        if arrivals:
-            self._take(arrivals)
-        self._admin.answer_pending()
-        now_ns = self.clock.now_ns()
-        if now_ns >= self._tick_due_ns and not len(self.mailbox):
-            self._let_time_pass(now_ns)
-        if now_ns >= self._housekeeping_due_ns:
-            self._keep_house(now_ns)
-        self._notifier.went_round(now_ns)
+        with suppress(Empty):
+            self._bell.get(timeout=max(0, due_ns - now_ns) / 1e9)
+        with self.mailbox.baton:
+            self._admin.answer_pending()
+            now_ns = self.clock.now_ns()
+            if now_ns >= self._tick_due_ns and not len(self.mailbox):
+                self._let_time_pass(now_ns)
+            if now_ns >= self._housekeeping_due_ns:
+                self._keep_house(now_ns)
+            self._notifier.went_round(now_ns)
+        # A reader that met the baton in our hand left its arrival to us.
+        self.mailbox.work_off()
 
     def _open_keys(self) -> None:
         settings, layout = self.settings, self.assembly.layout
@@ -139,7 +152,7 @@ class Daemon:
             say=self._say if self._recorder else None,
         )  # fmt: skip
         answers = {"status": self._status, "config": self._config, "command/reset": self._reset}
-        self._admin = Admin(self.sessions.admin, settings.prefix, answers, self.mailbox.ring)
+        self._admin = Admin(self.sessions.admin, settings.prefix, answers, self._wake)
         self._intake = Intake(
             self.sessions.sensors,
             layout,
@@ -154,11 +167,21 @@ class Daemon:
         )
         self._notifier.ready()
 
+    def _work(self, arrivals: list[Arrival]) -> None:
+        """Take arrivals, in order; called with the baton, by whichever reader brought the last of them."""
+        if self._stopping:
+            return
+        try:
+            self._take(arrivals)
+        except Exception as error:
+            self._failure = error
+            self.stop()
+
     def _take(self, arrivals: list[Arrival]) -> None:
-        decoder, intake = self._decoder, self._intake
+        decoder, sensor_of = self._decoder, self._intake.sensor_of
         decoder.begin()
         for arrival_ns, route, sample in arrivals:
-            sensor = intake.sensor_of(route, sample)
+            sensor = sensor_of(route, sample)
             if sensor != IGNORED:
                 decoder.add(sensor, arrival_ns, str(sample.encoding), sample.payload.to_bytes())
         readings = decoder.readings()

@@ -27,23 +27,31 @@ class HealthWatch:
     """The health last reported; before the first report every sensor is healthy and the service invalid."""
 
     def __init__(self, layout: Layout) -> None:
-        self.sensors: NDArray[Any] = np.full(len(layout.sensors), int(Health.HEALTHY), np.int32)
+        self.sensors = [int(Health.HEALTHY)] * len(layout.sensors)
         self.service = int(ServiceHealth.INVALID)
         self._names = [sensor.name for sensor in layout.sensors]
 
     def observe(self, reports: NDArray[Any]) -> list[Transition]:
         """The changes in these reports, in order."""
-        health = reports["health"][:, : len(self._names)]
-        service = reports["service"]
-        if (health == self.sensors).all() and (service == self.service).all():
-            return []
         found: list[Transition] = []
-        for k, report in enumerate(reports):
-            t_ns = int(report["t_ns"])
-            for i in np.flatnonzero(health[k] != self.sensors):
-                before, after = HEALTH_LABELS[self.sensors[i]], HEALTH_LABELS[health[k, i]]
-                found.append(Transition(t_ns, self._names[i], before, after))
-            if service[k] != self.service:
-                found.append(Transition(t_ns, None, SERVICE_LABELS[self.service], SERVICE_LABELS[service[k]]))
-            self.sensors, self.service = health[k].copy(), int(service[k])
+        services, health = reports["service"], reports["health"][:, : len(self._names)]
+        for k in changes(services, health):
+            service, sensors = int(services[k]), health[k].tolist()
+            if service == self.service and sensors == self.sensors:
+                continue
+            t_ns = int(reports["t_ns"][k])
+            for name, before, after in zip(self._names, self.sensors, sensors, strict=True):
+                if before != after:
+                    found.append(Transition(t_ns, name, HEALTH_LABELS[before], HEALTH_LABELS[after]))
+            if service != self.service:
+                found.append(Transition(t_ns, None, SERVICE_LABELS[self.service], SERVICE_LABELS[service]))
+            self.sensors, self.service = sensors, service
         return found
+
+
+def changes(services: NDArray[Any], health: NDArray[Any]) -> list[int]:
+    """Indices of the first report and of every one that differs from the one before it."""
+    if len(services) == 1:
+        return [0]
+    differs = (services[1:] != services[:-1]) | (health[1:] != health[:-1]).any(axis=1)
+    return [0, *(np.flatnonzero(differs) + 1).tolist()]

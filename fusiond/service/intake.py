@@ -15,6 +15,8 @@ from fusiond.service.clock import Clock
 from fusiond.service.mailbox import Arrival, Mailbox
 from fusiond.service.wire import UNKNOWN
 
+AT_ONCE = 256
+"""Samples taken from a ring before the work on them begins."""
 IGNORED = -3
 """Route of a key that another subscription already delivers."""
 
@@ -73,11 +75,22 @@ class Intake:
         return UNKNOWN
 
     def _read(self, route: int) -> None:
-        receive, put, now_ns = self._subscribers[route].recv, self._mailbox.put, self._clock.now_ns
+        ring, put, now_ns = self._subscribers[route], self._mailbox.put, self._clock.now_ns
+        work_off = self._mailbox.work_off
         try:
             while True:
-                sample = receive()
+                sample: zenoh.Sample | None = ring.recv()
                 put(Arrival(now_ns(), route, sample))
+                work_off()
+                # Only where more has come meanwhile is it worth gathering before the next round of work.
+                while (sample := ring.try_recv()) is not None:
+                    put(Arrival(now_ns(), route, sample))
+                    for _ in range(AT_ONCE):
+                        sample = ring.try_recv()
+                        if sample is None:
+                            break
+                        put(Arrival(now_ns(), route, sample))
+                    work_off()
         except zenoh.ZError:
             return
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from fusiond.engine.layout import Layout
@@ -31,12 +31,12 @@ class EstimateText:
         self._empty = head + '"state": {}, "std": {}, "health": "%s"}' % INVALID
 
     def text(
-        self, t_ns: int, seq: int, epoch: int, resets: int, x: list[float], std: list[float], service: int,
+        self, t_ns: int, seq: int, epoch: int, resets: int, x: Sequence[float], std: Sequence[float], service: int,
         outputs: Mapping[str, float],
     ) -> str:  # fmt: skip
         """One estimate; `outputs` (numbers derived from the state) stand in it where the model has any."""
         head = (seconds_text(t_ns), t_ns, seq, epoch, resets)
-        if not math.isfinite(math.fsum(map(abs, x)) + math.fsum(map(abs, std))):
+        if not math.isfinite(sum(x) + sum(std)):
             return self._empty % head
         derived = f'"outputs": {dumps(finite(outputs))}, ' if outputs else ""
         return self._whole % (*head, *x, *std, derived, SERVICE_LABELS[service])
@@ -51,7 +51,7 @@ class ControlText:
         self._text = head + f'"u": {{{u}}}, "valid": %s, "age_s": %r, "level": "%s"}}'
 
     def text(
-        self, t_ns: int, seq: int, epoch: int, u: list[float], valid: bool, age_s: float, service: int
+        self, t_ns: int, seq: int, epoch: int, u: Sequence[float], valid: bool, age_s: float, service: int
     ) -> str:  # fmt: skip
         """One command.
 
@@ -60,7 +60,7 @@ class ControlText:
             age_s: from the last reading that corrected the state to the command; level: `service`, as a word.
         """
         sound = all(map(math.isfinite, u))
-        values = u if sound else [0.0] * len(u)
+        values = tuple(u) if sound else (0.0,) * len(u)
         flag = "true" if valid and sound else "false"
         level = SERVICE_LABELS[service]
         return self._text % (seconds_text(t_ns), t_ns, seq, epoch, *values, flag, age_s, level)

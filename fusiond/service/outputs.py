@@ -25,9 +25,11 @@ from fusiond.service.messages import (
     health_message,
     report_message,
 )
+from fusiond.service.report_rows import ReportRows
 from fusiond.types import Role, ServiceHealth, Verdict
 
 JSON = "application/json"
+USED = int(Verdict.USED)
 DEAD_RECKONING = int(ServiceHealth.DEAD_RECKONING)
 Say = Callable[[str, bytes, int], None]
 """Told of every JSON message that goes out: topic, bytes, time in ns (the recording)."""
@@ -59,7 +61,9 @@ class Outputs:
         self._estimate_text, self._control_text = EstimateText(layout), ControlText(layout.controls)
         self._limit, self._record_limit = RateLimiter(publish_hz), RateLimiter(record_hz)
         self._record_hz = record_hz
-        self._updating = np.array([sensor.role == Role.UPDATE for sensor in layout.sensors] + [False])
+        self._rows = ReportRows(layout)
+        # One place more, for ticks: their sensor number is -1.
+        self._updating = [sensor.role == Role.UPDATE for sensor in layout.sensors] + [False]
         self._update_ns: int | None = None
         estimate, control = (
             (output_record.ESTIMATE_ENCODING, output_record.CONTROL_ENCODING) if packed else (JSON, JSON)
@@ -81,15 +85,16 @@ class Outputs:
 
     def publish(self, reports: NDArray[Any], resets: int) -> None:
         """Send what a batch of reports gives: estimates, commands, and reports somebody listens to."""
-        for k in self._of_interest(reports):
-            report = reports[k]
-            if self._updating[report["sensor"]] and report["verdict"] == Verdict.USED:
-                self._update_ns = int(report["state_t_ns"])
-                self._estimate(report, resets)
-            elif report["service"] >= DEAD_RECKONING:
-                self._estimate(report, resets)
-            if report["command_due"]:
-                self._control(report)
+        rows, updating = self._rows, self._updating
+        raw = rows.open(reports)
+        for k, (t_ns, sensor, verdict, service, state_t_ns, command_due) in enumerate(rows.heads(raw)):
+            updated = verdict == USED and updating[sensor]
+            if updated:
+                self._update_ns = t_ns
+            if updated or service >= DEAD_RECKONING:
+                self._estimate(raw, k, state_t_ns, service, resets)
+            if command_due:
+                self._control(raw, k, t_ns, service)
         if self._asked:
             self._send_reports(reports)
 
@@ -109,22 +114,14 @@ class Outputs:
         """Find out whose reports somebody listens to; called now and then, since asking Zenoh takes time."""
         self._asked = [i for i, publisher in enumerate(self._reports) if is_heard(publisher)]
 
-    def _of_interest(self, reports: NDArray[Any]) -> list[int]:
-        if len(reports) == 1:
-            return [0]
-        used = self._updating[reports["sensor"]] & (reports["verdict"] == Verdict.USED)
-        chosen = used | (reports["command_due"] != 0) | (reports["service"] >= DEAD_RECKONING)
-        return list(np.flatnonzero(chosen))
-
-    def _estimate(self, report: Any, resets: int) -> None:
-        t_ns = int(report["state_t_ns"])
+    def _estimate(self, raw: memoryview, k: int, t_ns: int, service: int, resets: int) -> None:
         goes_out = self._limit.passes(t_ns)
         goes_down = self._say is not None and self._record_hz > 0 and self._record_limit.passes(t_ns)
         if not (goes_out or goes_down):
             return
-        x, std, service = report["x"].tolist(), report["std"].tolist(), int(report["service"])
+        x, std = self._rows.state(raw, k)
         seq = self._next("estimate") if goes_out else self._seq["estimate"]
-        derived = self._derived(report["x"]) if self._derived else {}
+        derived = self._derived(np.array(x)) if self._derived else {}
         text = self._estimate_text.text(t_ns, seq, self.epoch, resets, x, std, service, derived)
         self.latest = text
         if goes_out and self._packed:
@@ -135,9 +132,8 @@ class Outputs:
         if goes_down and self._say:
             self._say("estimate", text.encode(), t_ns)
 
-    def _control(self, report: Any) -> None:
-        t_ns, u = int(report["t_ns"]), report["command"][: len(self.layout.controls)].tolist()
-        valid, service = bool(report["command_valid"]), int(report["service"])
+    def _control(self, raw: memoryview, k: int, t_ns: int, service: int) -> None:
+        valid, u = self._rows.command(raw, k)
         if self._update_ns is None:
             self._update_ns = t_ns  # counted from the start, as the engine does
         age_s = max(0, t_ns - self._update_ns) / 1e9

@@ -1,0 +1,69 @@
+"""Reports as plain tuples: reading fields of numpy records one by one costs more than the whole step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from struct import Struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusiond.engine.layout import Layout
+
+CODES = {"<i8": "q", "<u8": "Q", "<i4": "i", "<f8": "d"}
+HEAD = ("t_ns", "sensor", "verdict", "service", "state_t_ns", "command_due")
+STATE = ("x", "std")
+COMMAND = ("command_valid", "command")
+
+
+class ReportRows:
+    """Reads reports of one layout.
+
+    Args:
+        layout: gives the dtype; its fields are taken from it, in its order (checked by the unpacking itself).
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        dtype = layout.report
+        self.size = dtype.itemsize
+        self._head = fields_struct(dtype, HEAD, whole=True)
+        self._state = fields_struct(dtype, STATE)
+        self._command = fields_struct(dtype, COMMAND)
+        self._n = layout.shape.states
+        self._controls = len(layout.controls)
+
+    def open(self, reports: NDArray[Any]) -> memoryview:
+        """The bytes of a batch of reports, for the methods below."""
+        octets: Any = reports.view(np.uint8)
+        return memoryview(octets)
+
+    def heads(self, raw: memoryview) -> Iterator[tuple[Any, ...]]:
+        """`t_ns, sensor, verdict, service, state_t_ns, command_due` of every report, in order."""
+        return self._head.iter_unpack(raw)
+
+    def state(self, raw: memoryview, k: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """State and standard deviations of report k."""
+        numbers = self._state.unpack_from(raw, k * self.size)
+        return numbers[: self._n], numbers[self._n :]
+
+    def command(self, raw: memoryview, k: int) -> tuple[bool, tuple[float, ...]]:
+        """Whether the command of report k is valid, and the command."""
+        valid, *numbers = self._command.unpack_from(raw, k * self.size)
+        return bool(valid), tuple(numbers[: self._controls])
+
+
+def fields_struct(dtype: np.dtype[Any], names: tuple[str, ...], *, whole: bool = False) -> Struct:
+    """Unpacks some fields of a packed record, subarrays number by number, in the record's order.
+
+    Args:
+        names: in the order they have in the record.   whole: as long as the record, for `iter_unpack`.
+    """
+    fields: Any = dtype.fields
+    text, at = "<", 0
+    for name in names:
+        kind, offset = fields[name][:2]
+        count = int(np.prod(kind.shape)) if kind.shape else 1
+        text += f"{offset - at}x{count}{CODES[kind.base.str]}"
+        at = offset + kind.itemsize
+    return Struct(text + (f"{dtype.itemsize - at}x" if whole else ""))
