@@ -75,24 +75,27 @@ class Intake:
         return UNKNOWN
 
     def _read(self, route: int) -> None:
-        ring, put, now_ns = self._subscribers[route], self._mailbox.put, self._clock.now_ns
-        work_off = self._mailbox.work_off
+        ring, work_off = self._subscribers[route], self._mailbox.work_off
         try:
             while True:
-                sample: zenoh.Sample | None = ring.recv()
-                put(Arrival(now_ns(), route, sample))
+                sample = ring.recv()
+                self._mailbox.put(Arrival(self._clock.now_ns(), route, sample))
                 work_off()
                 # Only where more has come meanwhile is it worth gathering before the next round of work.
-                while (sample := ring.try_recv()) is not None:
-                    put(Arrival(now_ns(), route, sample))
-                    for _ in range(AT_ONCE):
-                        sample = ring.try_recv()
-                        if sample is None:
-                            break
-                        put(Arrival(now_ns(), route, sample))
+                while self._gather(route):
                     work_off()
         except zenoh.ZError:
             return
+
+    def _gather(self, route: int) -> bool:
+        """Take what the ring holds, within bounds; whether there was anything."""
+        ring, put, now_ns = self._subscribers[route], self._mailbox.put, self._clock.now_ns
+        for k in range(AT_ONCE):
+            sample = ring.try_recv()
+            if sample is None:
+                return k > 0
+            put(Arrival(now_ns(), route, sample))
+        return True
 
 
 def subscriptions(prefix: str, keys: Iterable[str]) -> list[zenoh.KeyExpr]:

@@ -1,130 +1,113 @@
 """The messages that go out, as JSON: `estimate`, `control`, `health`, `event`, `report/SENSOR`.
 
 Every one carries `seq` (of its own kind, from 1) and `epoch` (start of this process's engine, ms since 1970): the
-pair only ever grows, so a gap is a loss and an older epoch is a ghost. A number that is not finite never goes out:
-where the state is none, `state` and `std` are empty and the health is `invalid`.
+pair only ever grows, so a gap is a loss and an older epoch is a ghost. `t` is in seconds, `t_ns` is the same exactly.
+A number that is not finite never goes out: where the state is none, `state` and `std` are empty and the health is
+`invalid`; elsewhere it is null.
 """
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import orjson
+
 from fusiond.engine.layout import Layout
-from fusiond.recording.decimal_time import seconds_text
-from fusiond.types import Action, Health, ServiceHealth, Slot, Verdict
+from fusiond.types import Action, Health, ServiceHealth, Verdict
 
 SERVICE_LABELS = [health.label for health in ServiceHealth]
 HEALTH_LABELS = [health.label for health in Health]
 INVALID = ServiceHealth.INVALID.label
 
+Message = dict[str, Any]
 
-class EstimateText:
-    """Estimates of one layout as JSON, by a template: several times as fast as building the objects."""
+
+def head(t_ns: int, seq: int, epoch: int) -> Message:
+    """What every message begins with."""
+    return {"t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch}
+
+
+class EstimateMessage:
+    """Estimates of one layout."""
 
     def __init__(self, layout: Layout) -> None:
-        state = template(slot.name for slot in layout.states)
-        head = '{"t": %s, "t_ns": %d, "seq": %d, "epoch": %d, "resets": %d, '
-        self._whole = head + f'"state": {{{state}}}, "std": {{{state}}}, %s"health": "%s"}}'
-        self._empty = head + '"state": {}, "std": {}, "health": "%s"}' % INVALID
+        self._names = [slot.name for slot in layout.states]
 
-    def text(
+    def content(
         self, t_ns: int, seq: int, epoch: int, resets: int, x: Sequence[float], std: Sequence[float], service: int,
-        outputs: Mapping[str, float],
-    ) -> str:  # fmt: skip
+        outputs: Mapping[str, float] | None,
+    ) -> Message:  # fmt: skip
         """One estimate; `outputs` (numbers derived from the state) stand in it where the model has any."""
-        head = (seconds_text(t_ns), t_ns, seq, epoch, resets)
+        message: Message = {"t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch, "resets": resets}
         if not math.isfinite(sum(x) + sum(std)):
-            return self._empty % head
-        derived = f'"outputs": {dumps(finite(outputs))}, ' if outputs else ""
-        return self._whole % (*head, *x, *std, derived, SERVICE_LABELS[service])
+            return message | {"state": {}, "std": {}, "health": INVALID}
+        message["state"] = dict(zip(self._names, x, strict=True))
+        message["std"] = dict(zip(self._names, std, strict=True))
+        if outputs is not None:
+            message["outputs"] = outputs
+        message["health"] = SERVICE_LABELS[service]
+        return message
 
 
-class ControlText:
-    """Commands of one layout as JSON."""
+class ControlMessage:
+    """Commands of one layout."""
 
-    def __init__(self, controls: Iterable[Slot]) -> None:
-        u = template(slot.name for slot in controls)
-        head = '{"t": %s, "t_ns": %d, "seq": %d, "epoch": %d, '
-        self._text = head + f'"u": {{{u}}}, "valid": %s, "age_s": %r, "level": "%s"}}'
+    def __init__(self, layout: Layout) -> None:
+        self._names = [slot.name for slot in layout.controls]
 
-    def text(
+    def content(
         self, t_ns: int, seq: int, epoch: int, u: Sequence[float], valid: bool, age_s: float, service: int
-    ) -> str:  # fmt: skip
+    ) -> Message:
         """One command.
 
         Args:
-            u: what the actuator should do.      valid: whether it may be followed.
-            age_s: from the last reading that corrected the state to the command; level: `service`, as a word.
+            u: what the actuator should do; where it is not finite: zeros, not valid.
+            valid: whether it may be followed.
+            age_s: from the last reading that corrected the state to the command.
+            service: health of the service, which is the command's `level`.
         """
         sound = all(map(math.isfinite, u))
-        values = tuple(u) if sound else (0.0,) * len(u)
-        flag = "true" if valid and sound else "false"
-        level = SERVICE_LABELS[service]
-        return self._text % (seconds_text(t_ns), t_ns, seq, epoch, *values, flag, age_s, level)
+        values = u if sound else (0.0,) * len(u)
+        return head(t_ns, seq, epoch) | {
+            "u": dict(zip(self._names, values, strict=True)),
+            "valid": valid and sound,
+            "age_s": age_s,
+            "level": SERVICE_LABELS[service],
+        }
 
 
-def template(names: Iterable[str]) -> str:
-    """`"name": %r, ...`: the inside of a JSON object to be filled with finite floats."""
-    return ", ".join(f"{json.dumps(name)}: ".replace("%", "%%") + "%r" for name in names)
-
-
-def health_message(
-    t_ns: int, seq: int, epoch: int, service: int, sensors: Mapping[str, int]
-) -> dict[str, Any]:
+def health_message(t_ns: int, seq: int, epoch: int, service: int, sensors: Mapping[str, int]) -> Message:
     """Health of the service and of every sensor, by name."""
     labels = {name: HEALTH_LABELS[health] for name, health in sensors.items()}
-    head = {"t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch}
-    return head | {"service": SERVICE_LABELS[service], "sensors": labels}
+    return head(t_ns, seq, epoch) | {"service": SERVICE_LABELS[service], "sensors": labels}
 
 
-def event_message(
-    t_ns: int, seq: int, epoch: int, sensor: str | None, before: str, after: str
-) -> dict[str, Any]:
+def event_message(t_ns: int, seq: int, epoch: int, sensor: str | None, before: str, after: str) -> Message:
     """One transition of health; `sensor` is null for the service's own. `fault` is null until faults are named."""
-    return {
-        "t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch, "id": f"{epoch}-{seq}", "sensor": sensor,
-        "from": before, "to": after, "fault": None,
-    }  # fmt: skip
+    identity = {"id": f"{epoch}-{seq}", "sensor": sensor}
+    return head(t_ns, seq, epoch) | identity | {"from": before, "to": after, "fault": None}
 
 
-def report_message(report: Any, layout: Layout, seq: int, epoch: int) -> dict[str, Any]:
+def report_message(report: Any, layout: Layout, seq: int, epoch: int) -> Message:
     """One report, every number by its field's name; what is not finite (an unlimited gate) is null."""
     sensor = layout.sensors[int(report["sensor"])]
-    shown = {
-        name: finite_list(report[name][: int(report["dof"])])
-        for name in ("nu", "S", "e", "R_used", "R_declared")
-    }
-    numbers = {name: finite_number(report[name]) for name in ("nis", "limit")}
-    t_ns = int(report["t_ns"])
-    return {
-        "t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch, "sensor": sensor.name,
-        "reading_seq": int(report["seq"]), "arrival_ns": int(report["arrival_ns"]),
-        "verdict": Verdict(int(report["verdict"])).label, "action": Action(int(report["action"])).label,
-        "z": finite_list(report["z"][: int(report["length"])]), **shown, **numbers,
+    dof = int(report["dof"])
+    vectors = {name: report[name][:dof].tolist() for name in ("nu", "S", "e", "R_used", "R_declared")}
+    return head(int(report["t_ns"]), seq, epoch) | vectors | {
+        "sensor": sensor.name,
+        "reading_seq": int(report["seq"]),
+        "arrival_ns": int(report["arrival_ns"]),
+        "verdict": Verdict(int(report["verdict"])).label,
+        "action": Action(int(report["action"])).label,
+        "z": report["z"][: int(report["length"])].tolist(),
+        "nis": float(report["nis"]),
+        "limit": float(report["limit"]),
         "health": HEALTH_LABELS[int(report["health"][sensor.number])],
         "service": SERVICE_LABELS[int(report["service"])],
     }  # fmt: skip
 
 
-def finite_number(value: Any) -> float | None:
-    """The number, or None (null) where it is not finite."""
-    number = float(value)
-    return number if math.isfinite(number) else None
-
-
-def finite_list(values: Any) -> list[float | None]:
-    """A list of numbers, None for what is not finite."""
-    return [finite_number(value) for value in values]
-
-
-def finite(values: Mapping[str, float]) -> dict[str, float | None]:
-    """Numbers by name, None for what is not finite."""
-    return {name: finite_number(value) for name, value in values.items()}
-
-
-def dumps(message: Any) -> str:
-    """JSON that every reader accepts: NaN and Infinity raise ValueError instead of going out."""
-    return json.dumps(message, allow_nan=False)
+dumps = orjson.dumps
+"""JSON that every reader accepts: NaN and Infinity become null."""

@@ -18,8 +18,9 @@ from fusiond.service import output_record
 from fusiond.service.health_watch import HealthWatch, Transition
 from fusiond.service.limiter import RateLimiter
 from fusiond.service.messages import (
-    ControlText,
-    EstimateText,
+    ControlMessage,
+    EstimateMessage,
+    Message,
     dumps,
     event_message,
     health_message,
@@ -53,12 +54,12 @@ class Outputs:
     ) -> None:  # fmt: skip
         self.layout = layout
         self.epoch = epoch
-        self.latest: str = "null"
+        self.latest: Message | None = None
         self._seq = {"estimate": 0, "control": 0, "health": 0, "event": 0}
         self._packed = packed
         self._derived = derived if layout.outputs else None
         self._say = say
-        self._estimate_text, self._control_text = EstimateText(layout), ControlText(layout.controls)
+        self._estimate_message, self._control_message = EstimateMessage(layout), ControlMessage(layout)
         self._limit, self._record_limit = RateLimiter(publish_hz), RateLimiter(record_hz)
         self._record_hz = record_hz
         self._rows = ReportRows(layout)
@@ -102,13 +103,13 @@ class Outputs:
         """Send one `event`."""
         seq = self._next("event")
         message = event_message(change.t_ns, seq, self.epoch, change.sensor, change.before, change.after)
-        self._put_json("event", dumps(message), change.t_ns)
+        self._put_json("event", message, change.t_ns)
 
     def health(self, t_ns: int, watch: HealthWatch) -> None:
         """Send `health`."""
         sensors = {sensor.name: int(watch.sensors[sensor.number]) for sensor in self.layout.sensors}
         message = health_message(t_ns, self._next("health"), self.epoch, watch.service, sensors)
-        self._put_json("health", dumps(message), t_ns)
+        self._put_json("health", message, t_ns)
 
     def look_who_asks(self) -> None:
         """Find out whose reports somebody listens to; called now and then, since asking Zenoh takes time."""
@@ -121,16 +122,16 @@ class Outputs:
             return
         x, std = self._rows.state(raw, k)
         seq = self._next("estimate") if goes_out else self._seq["estimate"]
-        derived = self._derived(np.array(x)) if self._derived else {}
-        text = self._estimate_text.text(t_ns, seq, self.epoch, resets, x, std, service, derived)
-        self.latest = text
+        derived = self._derived(np.array(x)) if self._derived else None
+        message = self._estimate_message.content(t_ns, seq, self.epoch, resets, x, std, service, derived)
+        self.latest = message
         if goes_out and self._packed:
             record = output_record.encode_estimate(t_ns, seq, self.epoch, resets, x, std, service)
             self._publishers["estimate"].put(record)
         elif goes_out:
-            self._publishers["estimate"].put(text)
+            self._publishers["estimate"].put(dumps(message))
         if goes_down and self._say:
-            self._say("estimate", text.encode(), t_ns)
+            self._say("estimate", dumps(message), t_ns)
 
     def _control(self, raw: memoryview, k: int, t_ns: int, service: int) -> None:
         valid, u = self._rows.command(raw, k)
@@ -138,15 +139,14 @@ class Outputs:
             self._update_ns = t_ns  # counted from the start, as the engine does
         age_s = max(0, t_ns - self._update_ns) / 1e9
         seq = self._next("control")
-        text = self._control_text.text(t_ns, seq, self.epoch, u, valid, age_s, service)
+        message = self._control_message.content(t_ns, seq, self.epoch, u, valid, age_s, service)
         if self._packed:
-            self._publishers["control"].put(
-                output_record.encode_control(t_ns, seq, self.epoch, u, valid, age_s, service)
-            )
+            record = output_record.encode_control(t_ns, seq, self.epoch, u, valid, age_s, service)
+            self._publishers["control"].put(record)
         else:
-            self._publishers["control"].put(text)
+            self._publishers["control"].put(dumps(message))
         if self._say:
-            self._say("control", text.encode(), t_ns)
+            self._say("control", dumps(message), t_ns)
 
     def _send_reports(self, reports: NDArray[Any]) -> None:
         for number in self._asked:
@@ -156,10 +156,11 @@ class Outputs:
                     message = report_message(report, self.layout, self._report_seq[number], self.epoch)
                     self._reports[number].put(dumps(message))
 
-    def _put_json(self, topic: str, text: str, t_ns: int) -> None:
-        self._publishers[topic].put(text)
+    def _put_json(self, topic: str, message: Message, t_ns: int) -> None:
+        payload = dumps(message)
+        self._publishers[topic].put(payload)
         if self._say:
-            self._say(topic, text.encode(), t_ns)
+            self._say(topic, payload, t_ns)
 
     def _next(self, topic: str) -> int:
         self._seq[topic] += 1

@@ -29,7 +29,7 @@ def sensors_status(counters: Counters, decoder: Decoder, watch: HealthWatch) -> 
 
 def status(
     *, config: Any, mode: str, endpoints: tuple[str, ...], epoch: int, uptime_s: float, resets: int,
-    counters: Counters, decoder: Decoder, watch: HealthWatch, mailbox: Mailbox, latest: str, recorder: Any,
+    counters: Counters, decoder: Decoder, watch: HealthWatch, mailbox: Mailbox, latest: Any, recorder: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """The daemon's account of itself."""
     recording = None if recorder is None else {"dropped": dict(recorder.dropped), "error": recorder.error}
@@ -49,7 +49,7 @@ def status(
         "sensors": sensors_status(counters, decoder, watch),
         "refused": decoder.refusals.by_name(),
         "queue": {"waiting": len(mailbox), "capacity": mailbox.capacity, "dropped": mailbox.dropped},
-        "estimate": json.loads(latest),
+        "estimate": latest,
         "recording": recording,
     }
 
