@@ -42,7 +42,7 @@ def hold_input(track: Any, design: Any, reading: Any, report: Any) -> None:
     sensor = reading.sensor
     for i in range(design.length[sensor]):
         driven = design.drives[sensor, i]
-        variance = reading.R[i, i] if reading.flags & HAS_R else design.R[sensor, i]
+        variance = reading.R[i, i] if reading["flags"] & HAS_R else design.R[sensor, i]
         track.u[driven] = reading.z[i]
         track.u_var[driven] = variance
         report.R_used[i] = variance

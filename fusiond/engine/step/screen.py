@@ -26,7 +26,7 @@ UPDATE = int(Role.UPDATE)
 @kernel
 def covariance_is_sound(reading: Any, design: Any, work: Any) -> bool:
     """Whether the R that came with the reading, if any, can be used."""
-    if not reading.flags & HAS_R:
+    if not reading["flags"] & HAS_R:
         return True
     sensor = reading.sensor
     for i in range(design.dof[sensor]):
@@ -86,7 +86,7 @@ def comes_after(a: Any, b: Any) -> bool:
 def sequence_repeats(desk: Any, reading: Any) -> bool:
     """Whether this sequence number came before, among the 64 up to the highest of its sensor."""
     sensor = reading.sensor
-    if not (reading.flags & HAS_SEQ and desk.seq_any[sensor]):
+    if not (reading["flags"] & HAS_SEQ and desk.seq_any[sensor]):
         return False
     if reading.seq > desk.seq_top[sensor]:
         return False
@@ -98,7 +98,7 @@ def sequence_repeats(desk: Any, reading: Any) -> bool:
 @kernel
 def note_sequence(desk: Any, reading: Any) -> None:
     """Remember the sequence number of an accepted reading; a number far back means the sensor started anew."""
-    if not reading.flags & HAS_SEQ:
+    if not reading["flags"] & HAS_SEQ:
         return
     sensor = reading.sensor
     one = np.uint64(1)

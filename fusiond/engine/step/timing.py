@@ -31,7 +31,7 @@ LONGEST_GAP_NS = 3600 * NANOSECONDS
 @kernel
 def passed_ns(desk: Any, reading: Any) -> int:
     """Arrival time since the newest accepted reading; 0 where arrivals are unknown."""
-    if reading.flags & HAS_ARRIVAL and desk.has_arrival:
+    if reading["flags"] & HAS_ARRIVAL and desk.has_arrival:
         return max(0, reading.arrival_ns - desk.newest_arrival_ns)
     return 0
 
@@ -55,7 +55,7 @@ def time_jumped(desk: Any, design: Any, reading: Any) -> bool:
     agrees = desk.odd_count > 0 and -design.horizon_ns <= step <= design.ahead_ns
     desk.odd_count = desk.odd_count + 1 if agrees else 1
     desk.odd_t_ns = reading.t_ns
-    known = reading.flags & HAS_ARRIVAL and desk.has_arrival
+    known = reading["flags"] & HAS_ARRIVAL and desk.has_arrival
     quiet = not known or passed_ns(desk, reading) > max(design.horizon_ns, NANOSECONDS)
     return bool(desk.odd_count >= design.resync and quiet)
 
@@ -74,7 +74,7 @@ def follow_jump(track: Any, desk: Any, design: Any, marks: Any, reading: Any) ->
     """Carry the track to the new time base of `reading`; returns the action taken."""
     forget_readings(desk, marks)
     jump_ns = reading.t_ns - desk.newest_t_ns
-    if reading.flags & HAS_ARRIVAL and desk.has_arrival:
+    if reading["flags"] & HAS_ARRIVAL and desk.has_arrival:
         shift_ns = jump_ns - passed_ns(desk, reading)
         track.t_ns += shift_ns
         track.start_ns += shift_ns
@@ -102,6 +102,6 @@ def note_stamp(desk: Any, reading: Any) -> None:
     if not desk.started or reading.t_ns >= desk.newest_t_ns:
         desk.started = 1
         desk.newest_t_ns = reading.t_ns
-        if reading.flags & HAS_ARRIVAL:
+        if reading["flags"] & HAS_ARRIVAL:
             desk.newest_arrival_ns = reading.arrival_ns
             desk.has_arrival = 1

@@ -22,7 +22,7 @@ def load_noise(reading: Any, design: Any, work: Any) -> bool:
     """Write the reading's R as U diag(d) U' into work.R_U, R_d; False where the R it carries is not a covariance."""
     sensor = reading.sensor
     dof = design.dof[sensor]
-    if not reading.flags & HAS_R:
+    if not reading["flags"] & HAS_R:
         for i in range(dof):
             work.R_d[i] = design.R_d[sensor, i]
             for j in range(dof):
