@@ -1,4 +1,4 @@
-"""Copies element by element. `to[:] = from_` would do, but makes numba compile its error texts, seconds of every start."""
+"""Copies element by element. `to[:] = source` would do, but numba then compiles its error texts: seconds of a start."""
 
 from __future__ import annotations
 

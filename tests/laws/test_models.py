@@ -1,4 +1,4 @@
-"""Every process and sensor model: Jacobians against differences of its own functions, noises against exact integrals."""
+"""Every process and sensor model: Jacobians against differences, noises against exact integrals."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_the_robot_drives_a_circle(way):
 
 @pytest.mark.parametrize("dt_s", [1e-3, 0.1])
 def test_the_robots_noise_is_the_exact_integral_to_first_order(dt_s):
-    """G diag(q) G' against Van Loan's integral of the motion linearised at the same state, in the leading order of dt."""
+    """G diag(q) G' against Van Loan's integral of the motion linearised at the same state, in leading order."""
     x, p = np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0]), np.array(ROBOT.parameters)
     G, q = np.zeros((6, 3)), np.zeros(3)
     interpreted(PROCESSES["planar_robot"].noise)(x, dt_s, p, G, q)

@@ -144,7 +144,7 @@ def test_ud_equals_joseph(seed, n, rank):
     before = composed(U, d)
     x_joseph, P_joseph = joseph(x, before, h, r, z)
     (S,) = updated(x, U, d, [h], [r], [z])
-    assert S == pytest.approx(h @ before @ h + r, rel=1e-10)
+    assert pytest.approx(h @ before @ h + r, rel=1e-10) == S
     assert x == pytest.approx(x_joseph, abs=1e-9)
     assert composed(U, d) == pytest.approx(P_joseph, abs=1e-9)
     assert (np.diag(composed(U, d)) <= np.diag(before) + 1e-9).all()
