@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -46,22 +47,22 @@ class Layout:
     shape: Shape
 
     @cached_property
-    def reading(self) -> np.dtype[np.record]:
+    def reading(self) -> np.dtype[Any]:
         """dtype of one reading."""
         return reading_dtype(self.shape.payload)
 
     @cached_property
-    def report(self) -> np.dtype[np.record]:
+    def report(self) -> np.dtype[Any]:
         """dtype of one report."""
         return report_dtype(self.shape)
 
     @cached_property
-    def track(self) -> np.dtype[np.record]:
+    def track(self) -> np.dtype[Any]:
         """dtype of the track."""
         return track_dtype(self.shape)
 
     @cached_property
-    def desk(self) -> np.dtype[np.record]:
+    def desk(self) -> np.dtype[Any]:
         """dtype of the desk."""
         return desk_dtype(self.shape)
 

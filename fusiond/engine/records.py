@@ -7,6 +7,7 @@ an array, and two runs are equal when their bytes are. All fields are little-end
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,13 +50,13 @@ class Shape:
     references: int
 
 
-def record(*fields: tuple[str, str] | tuple[str, str, tuple[int, ...]]) -> np.dtype[np.record]:
+def record(*fields: tuple[str, str] | tuple[str, str, tuple[int, ...]]) -> np.dtype[Any]:
     """A packed record dtype whose scalars have attributes; every subarray has at least one element."""
     sized = [(f[0], f[1], tuple(max(1, k) for k in f[2])) if len(f) == 3 else f for f in fields]
     return np.dtype((np.record, sized))
 
 
-def reading_dtype(payload: int) -> np.dtype[np.record]:
+def reading_dtype(payload: int) -> np.dtype[Any]:
     """One reading or event. `sensor` is its number in the order of the configuration's sensors, TICK for a tick.
 
     `length` is how many numbers were sent (z holds the first `payload` of them); `flags` see HAS_*.
@@ -66,7 +67,7 @@ def reading_dtype(payload: int) -> np.dtype[np.record]:
     )  # fmt: skip
 
 
-def report_dtype(shape: Shape) -> np.dtype[np.record]:
+def report_dtype(shape: Shape) -> np.dtype[Any]:
     """What was decided about one reading, and the state after it.
 
     nu, S, R_used, R_declared: innovation z - h(x), diagonals of its covariance and of R, prior to the update.
@@ -85,7 +86,7 @@ def report_dtype(shape: Shape) -> np.dtype[np.record]:
     )  # fmt: skip
 
 
-def track_dtype(shape: Shape) -> np.dtype[np.record]:
+def track_dtype(shape: Shape) -> np.dtype[Any]:
     """Everything the estimator remembers. Row 0 of x, U, d is the centralized filter, row j leaves one sensor out.
 
     Each filter has its own time: it is predicted only when one of its own readings comes, so that leaving a sensor
@@ -101,7 +102,7 @@ def track_dtype(shape: Shape) -> np.dtype[np.record]:
     )  # fmt: skip
 
 
-def desk_dtype(shape: Shape) -> np.dtype[np.record]:
+def desk_dtype(shape: Shape) -> np.dtype[Any]:
     """What must not be rolled back: clocks of arrival, the ring's marks, and the controller.
 
     ring_first: absolute number of the oldest reading in the ring; ring_count: readings in it.
@@ -119,7 +120,7 @@ def desk_dtype(shape: Shape) -> np.dtype[np.record]:
     )  # fmt: skip
 
 
-def design_dtype(shape: Shape) -> np.dtype[np.record]:
+def design_dtype(shape: Shape) -> np.dtype[Any]:
     """The tables made at design time and read at run time; never written by the step.
 
     x0, U0, d0: initial state.  p: model parameters.  Per sensor: role, length (numbers it sends), dof (channels
@@ -144,7 +145,7 @@ def design_dtype(shape: Shape) -> np.dtype[np.record]:
     )  # fmt: skip
 
 
-def work_dtype(shape: Shape) -> np.dtype[np.record]:
+def work_dtype(shape: Shape) -> np.dtype[Any]:
     """Scratch of the step: nothing in it outlives a call but the discretisation of the last intervals.
 
     cache_*: F, B, c, G, q of a linear model by interval, so that a regular stream is discretised once.
