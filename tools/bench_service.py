@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -123,8 +124,8 @@ def received(endpoint: str, session: zenoh.Session) -> int:
     return int(ask(NAME, "status", endpoint, session=session)["sensors"][SENSOR]["used"])
 
 
-def send_paced(publisher: Any, first: int, rate_hz: float, for_s: float) -> int:
-    """Put records of one number at a paced rate, one a put; returns how many."""
+def send_paced(publisher: Any, first: int, rate_hz: float, for_s: float) -> tuple[int, float]:
+    """Put records of one number at a paced rate, one a put; returns how many, and the rate that was reached."""
     count = int(rate_hz * for_s)
     began_ns, wall_ns = time.monotonic_ns(), time.time_ns()
     sent = 0
@@ -135,56 +136,76 @@ def send_paced(publisher: Any, first: int, rate_hz: float, for_s: float) -> int:
             publisher.put(encode_record((0.5,), t_ns, first + sent))
             sent += 1
         time.sleep(BURST_S)
-    return sent
+    return sent, sent * 1e9 / (time.monotonic_ns() - began_ns)
 
 
-def try_rate(
-    endpoint: str, session: zenoh.Session, publisher: Any, first: int, rate_hz: float, for_s: float
-) -> tuple[int, int]:
-    """One trial; returns sent and received, waiting until what is on its way has come."""
-    before = received(endpoint, session)
-    sent = send_paced(publisher, first, rate_hz, for_s)
-    deadline = time.monotonic() + 3.0
-    got, last = -1, -2
-    while got != sent and (got != last or time.monotonic() < deadline - 2.0):
-        last, got = got, received(endpoint, session) - before
-        time.sleep(0.1)
-    return sent, got
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One trial at a paced rate: what was sent and taken, and the rate the sender reached."""
+
+    sent: int
+    taken: int
+    reached_hz: float
+
+    def passed(self, wanted_hz: float) -> bool:
+        """Nothing is missing, and the rate was really reached."""
+        return self.sent == self.taken and self.reached_hz > 0.95 * wanted_hz
 
 
-def highest_rate(
-    endpoint: str, *, start_hz: float = 2000.0, for_s: float = 2.0, steps: int = 4
-) -> dict[str, float]:
-    """Highest paced rate without a missing reading: doubled until it fails, then bisected.
+class RateSearch:
+    """Finds the highest paced rate without a missing reading at one endpoint."""
 
-    Returns: rate_hz; estimates (received meanwhile).
-    """
-    session = open_session(session_options("client", connect=[endpoint]))
-    counted = [0]
+    def __init__(self, endpoint: str) -> None:
+        self._endpoint = endpoint
+        self._session = open_session(session_options("client", connect=[endpoint]))
+        self.estimates = 0
+        handler = zenoh.handlers.Callback(self._note, indirect=False)
+        self._follower = self._session.declare_subscriber(f"fusiond/{NAME}/estimate", handler)
+        SensorPublisher(NAME, SENSOR, encoding="record", session=self._session).wait_until_heard()
+        self._publisher = self._session.declare_publisher(KEY, encoding=ENCODING)
+        self._first = 0
 
-    def count(_: zenoh.Sample) -> None:
-        counted[0] += 1
+    def _note(self, _: zenoh.Sample) -> None:
+        self.estimates += 1
 
-    follower = session.declare_subscriber(
-        f"fusiond/{NAME}/estimate", zenoh.handlers.Callback(count, indirect=False)
-    )
-    sensor = SensorPublisher(NAME, SENSOR, encoding="record", session=session)
-    sensor.wait_until_heard()
-    publisher = session.declare_publisher(KEY, encoding=ENCODING)
-    good, bad, rate, first, step = 0.0, 0.0, start_hz, 0, 0
-    while step < steps:
-        sent, got = try_rate(endpoint, session, publisher, first, rate, for_s)
-        first += sent
-        if sent == got:
-            good = rate
-        else:
-            bad = rate
-        if bad:
-            step += 1
-        rate = (good + bad) / 2 if bad else 2 * rate
-    follower.undeclare()
-    session.close()
-    return {"rate_hz": good, "estimates": float(counted[0])}
+    def trial(self, rate_hz: float, for_s: float) -> Trial:
+        """Send at a rate; wait until what is on its way has come, or no more comes."""
+        before = received(self._endpoint, self._session)
+        sent, reached_hz = send_paced(self._publisher, self._first, rate_hz, for_s)
+        self._first += sent
+        taken, last, quiet_since = 0, -1, time.monotonic()
+        while taken < sent and time.monotonic() - quiet_since < 1.0:
+            taken = received(self._endpoint, self._session) - before
+            if taken != last:
+                last, quiet_since = taken, time.monotonic()
+        return Trial(sent, taken, reached_hz)
+
+    def highest(self, start_hz: float = 4000.0, for_s: float = 2.0, steps: int = 4) -> float:
+        """Doubled until a trial fails, then bisected so many times. A failed trial may be repeated once."""
+        good, bad = 0.0, 0.0
+        rate = start_hz
+        while not bad or steps > 0:
+            trials = (self.trial(rate, for_s) for _ in range(2))
+            if any(trial.passed(rate) for trial in trials):
+                good = rate
+            else:
+                bad = rate
+            steps -= bool(bad)
+            rate = (good + bad) / 2 if bad else 2 * rate
+        return good
+
+    def close(self) -> None:
+        """Leave."""
+        self._session.close()
+
+
+def highest_rate(endpoint: str) -> dict[str, float]:
+    """`rate_hz` found at an endpoint, and `estimates` received meanwhile."""
+    search = RateSearch(endpoint)
+    try:
+        return {"rate_hz": search.highest(), "estimates": float(search.estimates)}
+    finally:
+        search.close()
 
 
 def round_trips(endpoint: str, *, rate_hz: float = 1000.0, for_s: float = 2.0) -> list[float]:

@@ -264,6 +264,7 @@ class Daemon:
             epoch=self.epoch, uptime_s=(self.clock.now_ns() - self.started_ns) / 1e9,
             resets=self._resets + int(self.engine.track["resets"][0]), counters=self._counters,
             decoder=self._decoder, watch=self._watch, mailbox=self.mailbox, latest=self._outputs.latest,
+            state_sha256=self.engine.state_sha256(),
             recorder=self._recorder,
         )  # fmt: skip
 
