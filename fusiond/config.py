@@ -53,6 +53,8 @@ class SensorSection(Section):
     """Lowest and highest plausible value of a channel; what lies outside is refused as out_of_range."""
     max_silence_s: Positive | None = None
     """Longest healthy silence; by default three periods of rate_hz but at least 0.1 s; without a rate no limit."""
+    delay_s: NotNegative = 0.0
+    """How much later its stamps are than what it measured."""
     repeats: Literal["fresh", "held"] = "fresh"
     """Whether an equal value at a new time is fresh evidence, or a driver that repeats its last fix."""
 
@@ -80,6 +82,8 @@ class FilterSection(Section):
     recursion: Literal["ud"] = "ud"
     leave_one_out: bool = True
     """Keep, beside the filter of all sensors, one filter for each that leaves it out."""
+    local_filters: bool = True
+    """Keep one filter for each sensor that can bear one, hearing it alone."""
     accept_unobservable: list[str] = []
     """States that may stay unobservable: dead reckoning knows its position only from where it started."""
 

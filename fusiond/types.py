@@ -117,11 +117,15 @@ class Action(Label):
     RETIMED = 2
     """the time base jumped: the state was carried over to the new one"""
     RESET = 3
-    """the time base jumped back with no clock to measure by: the state was set to its initial value"""
+    """the state was set to its initial value: on command, or because time jumped with no clock to measure by"""
 
 
 TICK = -1
 """Sensor number of a tick: time passing is an event like a reading."""
+RESET = -2
+"""Sensor number of an operator's reset: an event too, so that a replay resets where the run did."""
+EVENTS = {TICK: "tick", RESET: "reset"}
+"""What is no sensor's reading, and what a log calls it."""
 
 
 def seconds(t_ns: int) -> float:

@@ -50,7 +50,8 @@ class Assembly:
         ]
         law = source_of(resolved.law_module) if resolved.law_module else None
         process = source_of(resolved.process_module)
-        files = step_sources(self.layout.shape, process, resolved.process.linear, law, sensors)
+        manifold = bool(resolved.process.errors)
+        files = step_sources(self.layout.shape, process, resolved.process.linear, manifold, law, sensors)
         return import_package(write_package(files))
 
     def key_of(self, name: str) -> str:
@@ -102,7 +103,7 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
     layout = layout_of(resolved)
     check_jacobians(resolved)
     require_observable(resolved)
-    return Assembly(resolved, layout, design_of(resolved, layout.shape))
+    return Assembly(resolved, layout, design_of(resolved, layout))
 
 
 def load(path: Path) -> Assembly:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.assembly.observability import bears_a_filter
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
-from fusiond.engine.layout import Layout, SensorLayout
+from fusiond.engine.layout import FilterLayout, Layout, SensorLayout
 from fusiond.engine.records import Shape, design_dtype
 from fusiond.errors import ConfigError
 from fusiond.numerics.kernel import interpreted
 from fusiond.numerics.ud import ud_factor
-from fusiond.types import NANOSECONDS, Role, nanoseconds
+from fusiond.types import NANOSECONDS, nanoseconds
 
 SILENT_PERIODS = 3.0
 """Periods without a reading after which a sensor of known rate is silent, unless the configuration says otherwise."""
@@ -19,18 +20,29 @@ SHORTEST_SILENCE_S = 0.1
 """No default is shorter: a busy host holds readings back for tens of milliseconds."""
 
 
-def shape_of(resolved: Resolved) -> Shape:
+def bank_of(resolved: Resolved) -> tuple[FilterLayout, ...]:
+    """The bank: all sensors, each left out, and each alone that sees all the configuration asks to be seen."""
+    section, updating = resolved.config.filter, resolved.updating
+    bank = [FilterLayout("all")]
+    if len(updating) > 1:
+        if section.leave_one_out:
+            bank += [FilterLayout("without", sensor.name) for sensor in updating]
+        if section.local_filters:
+            bank += [FilterLayout("only", sensor.name) for sensor in updating if bears_a_filter(resolved, sensor)]
+    return tuple(bank)
+
+
+def shape_of(resolved: Resolved, filters: int) -> Shape:
     """Sizes of the configuration's records."""
     process, law = resolved.process, resolved.law
     models = [sensor.model for sensor in resolved.sensors]
-    updating = len(resolved.updating)
-    bank = updating if resolved.config.filter.leave_one_out and updating > 1 else 0
     return Shape(
         states=len(process.states),
+        errors=len(process.error_slots),
         inputs=len(process.inputs),
         noises=process.noises,
         sensors=len(models),
-        filters=1 + bank,
+        filters=filters,
         payload=max(len(model.channels) for model in models),
         slots=max([*(len(model.reads) for model in models), len(law.reads) if law else 0]),
         model_parameters=len(process.parameters),
@@ -48,15 +60,18 @@ def layout_of(resolved: Resolved) -> Layout:
         SensorLayout(sensor.name, number, sensor.role, sensor.model.channels)
         for number, sensor in enumerate(resolved.sensors)
     )
+    filters = bank_of(resolved)
     return Layout(
         name=resolved.config.name,
         states=process.states,
+        errors=process.error_slots,
         outputs=process.outputs,
         inputs=process.inputs,
         controls=law.controls if law else (),
         references=law.references if law else (),
         sensors=sensors,
-        shape=shape_of(resolved),
+        filters=filters,
+        shape=shape_of(resolved, len(filters)),
     )
 
 
@@ -69,16 +84,17 @@ def factored(P: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 def _initial(resolved: Resolved, record: np.record) -> None:
     """Initial state and covariance."""
-    states, initial = resolved.process.states, resolved.config.initial
-    values = by_key(initial.state, states, "initial.state")
-    stds = by_key(initial.std, states, "initial.std")
-    for i, slot in enumerate(states):
+    process, initial = resolved.process, resolved.config.initial
+    values = by_key(initial.state, process.states, "initial.state")
+    stds = by_key(initial.std, process.error_slots, "initial.std")
+    for i, slot in enumerate(process.states):
+        record["x0"][i] = values.get(slot.name, process.origin[i] if process.origin else 0.0)
+        record["angle"][i] = slot.name in process.angles
+    for i, slot in enumerate(process.error_slots):
         if slot.name not in stds:
             raise ConfigError(f"initial.std: `{slot.key}` is missing; say how well it is known at the start")
-        record["x0"][i] = values.get(slot.name, 0.0)
         record["d0"][i] = stds[slot.name] ** 2
         record["U0"][i, i] = 1.0
-        record["angle"][i] = slot.name in resolved.process.angles
 
 
 def _silence_ns(sensor: ResolvedSensor) -> int:
@@ -117,6 +133,7 @@ def _sensor(resolved: Resolved, number: int, record: np.record) -> None:
     record["drives"][number, : len(sensor.drives)] = sensor.drives
     record["hold"][number] = sensor.hold
     record["holds_value"][number] = section is not None and section.repeats == "held"
+    record["delay_ns"][number] = nanoseconds(section.delay_s) if section else 0
     record["silence_ns"][number] = _silence_ns(sensor)
 
 
@@ -132,20 +149,16 @@ def _control(resolved: Resolved, record: np.record) -> None:
     record["law_at"][: len(law.reads)] = [places[name] for name in law.reads]
 
 
-def design_of(resolved: Resolved, shape: Shape) -> NDArray[np.void]:
+def design_of(resolved: Resolved, layout: Layout) -> NDArray[np.void]:
     """The (1,) design record."""
-    design = np.zeros(1, design_dtype(shape))
+    design = np.zeros(1, design_dtype(layout.shape))
     record: np.record = design[0]
     process, config = resolved.process, resolved.config
     _initial(resolved, record)
     record["p"][: len(process.parameters)] = process.parameters
-    leaving_out = 1
     for number, sensor in enumerate(resolved.sensors):
         _sensor(resolved, number, record)
-        record["loo"][number] = -1
-        if sensor.role is Role.UPDATE and shape.filters > 1:
-            record["loo"][number] = leaving_out
-            leaving_out += 1
+        record["heard"][number] = [row.hears_sensor(sensor.name) for row in layout.filters]
     record["step_ns"] = nanoseconds(process.step_s)
     record["max_step_ns"] = nanoseconds(process.max_step_s)
     record["horizon_ns"] = nanoseconds(config.history.horizon_s)

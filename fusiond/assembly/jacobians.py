@@ -7,28 +7,27 @@ from collections.abc import Callable
 import numpy as np
 
 from fusiond.assembly.observability import trial_interval_s
-from fusiond.assembly.resolve import Resolved
+from fusiond.assembly.resolve import Resolved, ResolvedSensor
 from fusiond.assembly.trial import Array, Trial, irregular
 from fusiond.errors import ConfigError
-from fusiond.numerics.discretise import wrap_angle
-from fusiond.numerics.kernel import interpreted
 
 STEP = 1e-6
 TOLERANCE = 1e-5
 
 
-def numerical_jacobian(function: Callable[[Array], Array], at: Array, wraps: Array) -> Array:
-    """Central differences of a vector function; rows flagged in `wraps` are differenced on the circle."""
+def numerical_jacobian(difference: Callable[[Array, Array], Array], dimensions: int, scale: Array) -> Array:
+    """Central differences of a function near one point.
+
+    Args:
+        difference: value at the point moved by its first argument, less that at the point moved by its second.
+        dimensions: of the move.   scale: (dimensions,) sizes of the numbers moved; steps are relative to them.
+    """
     columns = []
-    for j in range(len(at)):
-        step = STEP * max(1.0, abs(at[j]))
-        ahead, behind = at.copy(), at.copy()
-        ahead[j] += step
-        behind[j] -= step
-        difference = function(ahead) - function(behind)
-        wrapped = np.array([interpreted(wrap_angle)(value) for value in difference])
-        columns.append(np.where(wraps, wrapped, difference) / (2.0 * step))
-    return np.column_stack(columns) if columns else np.zeros((len(wraps), 0))
+    for j in range(dimensions):
+        step = np.zeros(dimensions)
+        step[j] = STEP * max(1.0, abs(scale[j]))
+        columns.append(difference(step, -step) / (2.0 * step[j]))
+    return np.column_stack(columns) if columns else np.zeros((0, 0))
 
 
 def _compare(subject: str, what: str, written: Array, measured: Array) -> None:
@@ -41,21 +40,43 @@ def _compare(subject: str, what: str, written: Array, measured: Array) -> None:
         )
 
 
-def check_jacobians(resolved: Resolved) -> None:
-    """Check F and B of a nonlinear process model and H of every sensor model; raises ConfigError."""
+def check_process(resolved: Resolved) -> None:
+    """Check F and B of a nonlinear process model; raises ConfigError."""
     trial, process = Trial(resolved), resolved.process
     x, dt_s = trial.start(), trial_interval_s(resolved)
     u = irregular(len(process.inputs), 3)
-    if not process.linear:
-        angles = np.array([slot.name in process.angles for slot in process.states])
-        _, F, B = trial.move(x, u, dt_s)
-        by_state = numerical_jacobian(lambda at: trial.move(at, u, dt_s)[0], x, angles)
-        by_input = numerical_jacobian(lambda at: trial.move(x, at, dt_s)[0], u, angles)
-        _compare("model", "F", F, by_state)
-        _compare("model", "B", B, by_input)
+    n = len(process.error_slots)
+
+    def by_state(ahead: Array, behind: Array) -> Array:
+        return trial.error(trial.move(trial.shift(x, behind), u, dt_s)[0], trial.move(trial.shift(x, ahead), u, dt_s)[0])
+
+    def by_input(ahead: Array, behind: Array) -> Array:
+        return trial.error(trial.move(x, u + behind, dt_s)[0], trial.move(x, u + ahead, dt_s)[0])
+
+    _, F, B = trial.move(x, u, dt_s)
+    _compare("model", "F", F, numerical_jacobian(by_state, n, x))
+    if len(u):
+        _compare("model", "B", B, numerical_jacobian(by_input, len(u), u))
+
+
+def check_sensor(resolved: Resolved, sensor: ResolvedSensor) -> None:
+    """Check H of one sensor model; raises ConfigError."""
+    trial, model = Trial(resolved), sensor.model
+    x = trial.start()
+    wraps = np.array([slot.name in model.wraps for slot in model.channels[: model.dof]])
+
+    def by_state(ahead: Array, behind: Array) -> Array:
+        change = trial.look(sensor, trial.shift(x, ahead))[0] - trial.look(sensor, trial.shift(x, behind))[0]
+        wrapped = (change + np.pi) % (2.0 * np.pi) - np.pi
+        return np.asarray(np.where(wraps, wrapped, change), dtype=np.float64)
+
+    measured = numerical_jacobian(by_state, len(resolved.process.error_slots), x)
+    _compare(f"sensor.{sensor.name}", "H", trial.look(sensor, x)[1], measured)
+
+
+def check_jacobians(resolved: Resolved) -> None:
+    """Check the Jacobians of a nonlinear process model and of every sensor model; raises ConfigError."""
+    if not resolved.process.linear:
+        check_process(resolved)
     for sensor in resolved.updating:
-        model = sensor.model
-        wraps = np.array([slot.name in model.wraps for slot in model.channels[: model.dof]])
-        H = trial.look(sensor, x)[1]
-        measured = numerical_jacobian(lambda at, sensor=sensor: trial.look(sensor, at)[0], x, wraps)  # type: ignore[misc]
-        _compare(f"sensor.{sensor.name}", "H", H, measured)
+        check_sensor(resolved, sensor)

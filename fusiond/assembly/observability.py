@@ -9,6 +9,7 @@ import numpy as np
 from fusiond.assembly.resolve import Resolved, ResolvedSensor
 from fusiond.assembly.trial import Array, Trial, irregular
 from fusiond.errors import ConfigError
+from fusiond.models.contract import by_name
 from fusiond.numerics.observability import blind_share
 
 UNSEEN = 1e-6
@@ -41,7 +42,7 @@ def trial_interval_s(resolved: Resolved) -> float:
 def observability(resolved: Resolved, sensors: tuple[ResolvedSensor, ...]) -> Observability:
     """What these sensors see over a trial motion of three looks a state, with irregular inputs and disturbances."""
     trial = Trial(resolved)
-    states = resolved.process.states
+    states = resolved.process.error_slots
     n, dt_s = len(states), trial_interval_s(resolved)
     x, passed = trial.start(), np.eye(n)
     rows: list[Array] = [np.zeros((1, n))]
@@ -49,7 +50,7 @@ def observability(resolved: Resolved, sensors: tuple[ResolvedSensor, ...]) -> Ob
         for sensor in sensors:
             rows.append(trial.look(sensor, x, look)[1] @ passed)
         x, F, _ = trial.move(x, irregular(len(resolved.process.inputs), look), dt_s)
-        x = x if resolved.process.linear else x + 0.3 * (irregular(n, look) - 1.0)
+        x = x if resolved.process.linear else trial.shift(x, 0.3 * (irregular(n, look) - 1.0))
         passed = F @ passed
     rank, blind = blind_share(np.vstack(rows))
     unobserved = tuple(slot.name for slot, part in zip(states, blind, strict=True) if part > UNSEEN)
@@ -61,7 +62,7 @@ def require_observable(resolved: Resolved) -> Observability:
     accepted = set(resolved.config.filter.accept_unobservable)
     for name in accepted:
         try:
-            resolved.process.slot(name)
+            by_name(resolved.process.error_slots, name)
         except ConfigError as error:
             raise ConfigError(f"filter.accept_unobservable: {error}") from error
     seen = observability(resolved, resolved.updating)
@@ -73,6 +74,12 @@ def require_observable(resolved: Resolved) -> Observability:
             f"what may stay unknown under filter.accept_unobservable"
         )
     return seen
+
+
+def bears_a_filter(resolved: Resolved, sensor: ResolvedSensor) -> bool:
+    """Whether one sensor alone sees every state that must be seen."""
+    alone = observability(resolved, (sensor,))
+    return set(alone.unobserved) <= set(resolved.config.filter.accept_unobservable)
 
 
 def without_each(resolved: Resolved) -> dict[str, Observability]:

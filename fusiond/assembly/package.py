@@ -26,7 +26,7 @@ from fusiond import numerics, types
 from fusiond.engine import records, step
 from fusiond.engine.step import sizes
 
-SWAPPED = ("process.py", "observe.py", "law.py", "sizes.py", "advance_linear.py", "advance_nonlinear.py")
+SWAPPED = ("process.py", "observe.py", "law.py", "sizes.py", "advance_linear.py", "advance_nonlinear.py", "inject_vector.py", "inject_manifold.py")  # fmt: skip
 """Files of the template that a configuration replaces."""
 
 
@@ -66,7 +66,7 @@ def observe_source(sensors: Sequence[str]) -> str:
 def sizes_source(shape: records.Shape) -> str:
     """The sizes of the records as constants."""
     constants = {
-        "STATES": shape.states, "INPUTS": shape.inputs, "NOISES": shape.noises, "SENSORS": shape.sensors,
+        "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises, "SENSORS": shape.sensors,
         "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
         "REFERENCES": shape.references, "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
     }  # fmt: skip
@@ -74,17 +74,20 @@ def sizes_source(shape: records.Shape) -> str:
 
 
 def step_sources(
-    shape: records.Shape, process: str, linear: bool, law: str | None, sensors: Sequence[tuple[str, str]]
-) -> dict[str, str]:
+    shape: records.Shape, process: str, linear: bool, manifold: bool, law: str | None,
+    sensors: Sequence[tuple[str, str]],
+) -> dict[str, str]:  # fmt: skip
     """Every file of one configuration's step, by name.
 
     Args:
         process, law: source text of the process model and of the control law (None: no control).
+        linear: the model is linear and time-invariant.   manifold: its state is no vector.
         sensors: for each sensor, a name for its model and the model's source text; ('', '') for an input.
     """
     template = folder_sources(step)
     files = {name: text for name, text in template.items() if name not in SWAPPED}
     files["advance.py"] = template["advance_linear.py" if linear else "advance_nonlinear.py"]
+    files["inject.py"] = template["inject_manifold.py" if manifold else "inject_vector.py"]
     files["sizes.py"] = sizes_source(shape)
     files["process.py"] = process
     files["law.py"] = template["law.py"] if law is None else law

@@ -166,6 +166,8 @@ def resolve(config: Config, folder: Path) -> Resolved:
     module = PROCESSES[kind] if kind else user_module(said.file, folder, "model")
     process: Process = described(module, (), parameters(said, "model"), "model")
     require(module, ("discretise",) if process.linear else ("transition", "noise"), "model")
+    if process.errors:
+        require(module, ("add_error", "error_between"), "model")
     law, law_module = None, None
     if config.control is not None:
         chosen: Any = config.control

@@ -7,7 +7,7 @@ from typing import Any
 
 from fusiond.assembly.assembly import Assembly
 from fusiond.assembly.observability import observability, without_each
-from fusiond.types import NANOSECONDS, Role
+from fusiond.types import NANOSECONDS
 
 
 def _sensor(assembly: Assembly, number: int) -> dict[str, Any]:
@@ -20,7 +20,6 @@ def _sensor(assembly: Assembly, number: int) -> dict[str, Any]:
         "key": assembly.key_of(sensor.name),
         "channels": [slot.key for slot in sensor.model.channels],
         "max_silence_s": silence_ns / NANOSECONDS if silence_ns else None,
-        "left_out_by_filter": int(design["loo"][number]) if sensor.role is Role.UPDATE else None,
     }
 
 
@@ -45,7 +44,7 @@ def summary(assembly: Assembly) -> dict[str, Any]:
         "diagnosability": [],
         "thresholds": {},
         "margins": {},
-        "filters": layout.shape.filters,
+        "filters": [f"{row.hears} {row.sensor}".strip() for row in layout.filters],
         "bytes": {"track": layout.track.itemsize, "report": layout.report.itemsize},
         "reordered_within_s": resolved.config.history.horizon_s,
     }

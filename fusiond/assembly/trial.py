@@ -26,17 +26,41 @@ class Trial:
 
     resolved: Resolved
 
+    def parameters(self) -> Array:
+        """The process model's parameter vector."""
+        return np.array(self.resolved.process.parameters or (0.0,), dtype=np.float64)
+
+    def shift(self, x: Array, dx: Array) -> Array:
+        """x [+] dx."""
+        if not self.resolved.process.errors:
+            return x + dx
+        moved = x.copy()
+        interpreted(self.resolved.process_module.add_error)(moved, dx, self.parameters())
+        return moved
+
+    def error(self, x: Array, y: Array) -> Array:
+        """dx with x [+] dx = y; angles on the circle."""
+        process = self.resolved.process
+        if process.errors:
+            dx = np.zeros(len(process.errors))
+            interpreted(self.resolved.process_module.error_between)(x, y, self.parameters(), dx)
+            return dx
+        circular = np.array([slot.name in process.angles for slot in process.states])
+        difference = y - x
+        wrapped = (difference + np.pi) % (2.0 * np.pi) - np.pi
+        return np.asarray(np.where(circular, wrapped, difference), dtype=np.float64)
+
     def move(self, x: Array, u: Array, dt_s: float) -> tuple[Array, Array, Array]:
         """x_next (n,), F (n, n), B (n, inputs) of one interval, s."""
         process, module = self.resolved.process, self.resolved.process_module
-        n, m = len(process.states), len(process.inputs)
-        p = np.array(process.parameters or (0.0,))
+        n, m = len(process.error_slots), len(process.inputs)
+        p = self.parameters()
         F, B = np.zeros((n, n)), np.zeros((n, max(m, 1)))
         if process.linear:
             c, G, q = np.zeros(n), np.zeros((n, max(process.noises, 1))), np.zeros(max(process.noises, 1))
             interpreted(module.discretise)(dt_s, p, F, B, c, G, q)
             return F @ x + B[:, :m] @ u + c, F, B[:, :m]
-        x_next = np.zeros(n)
+        x_next = np.zeros(len(process.states))
         interpreted(module.transition)(x, u, dt_s, p, x_next, F, B)
         return x_next, F, B[:, :m]
 
@@ -48,7 +72,7 @@ class Trial:
         z = np.zeros(len(model.channels))
         if model.indices:
             z[model.dof :] = model.indices[turn % len(model.indices)]
-        h, H = np.zeros(len(z)), np.zeros((len(z), len(x)))
+        h, H = np.zeros(len(z)), np.zeros((len(z), len(self.resolved.process.error_slots)))
         assert sensor.module is not None
         observe: Callable[..., bool] = interpreted(sensor.module.observe)
         observe(x, z, at, np.array(model.parameters or (0.0,)), h, H)
@@ -57,6 +81,7 @@ class Trial:
     def start(self) -> Array:
         """The initial state moved off every special value, so that nothing is zero by accident."""
         initial = self.resolved.config.initial.state
-        x0 = np.array([initial.get(slot.key, 0.0) for slot in self.resolved.process.states])
-        moved: Array = x0 + irregular(len(x0))
-        return moved
+        process = self.resolved.process
+        origin = process.origin or (0.0,) * len(process.states)
+        x0 = np.array([initial.get(slot.key, value) for slot, value in zip(process.states, origin, strict=True)])
+        return self.shift(x0, irregular(len(process.error_slots)))

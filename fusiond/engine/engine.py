@@ -34,9 +34,13 @@ class Engine:
         self._design, self._run, self._derive = design, run, derive
         self._first_desk = desk.copy()
         self._work = np.zeros(1, work_dtype(layout.shape))
-        self._spares = (np.zeros(1, layout.track), np.zeros(1, layout.report))
+        self._spares = (
+            np.zeros(1, layout.track),
+            np.zeros(1, layout.report),
+            np.zeros(1, layout.reading),
+        )
         self._reports: Records = np.zeros(0, layout.report)
-        self.covariances: NDArray[np.float64] = np.zeros((0, layout.shape.states, layout.shape.states))
+        self.covariances: NDArray[np.float64] = np.zeros((0, layout.shape.errors, layout.shape.errors))
         self.reset()
 
     def reset(self) -> None:
@@ -49,7 +53,7 @@ class Engine:
         """Run readings through the step, in the order they arrived.
 
         Args:
-            readings: (k,) records of `layout.reading`; a tick is one whose sensor is TICK.
+            readings: (k,) records of `layout.reading`; one whose sensor is TICK or RESET is that event.
             covariances: also keep the centralized covariance after each reading, in `self.covariances[:k]`.
         Returns:
             (k,) reports, in the same order: a view that the next call overwrites.
@@ -57,7 +61,7 @@ class Engine:
         count = readings.shape[0]
         if self._reports.shape[0] < count:
             self._reports = np.zeros(count, self.layout.report)
-        n = self.layout.shape.states
+        n = self.layout.shape.errors
         if covariances and self.covariances.shape[0] < count:
             self.covariances = np.zeros((count, n, n))
         reports = self._reports[:count]
@@ -84,8 +88,8 @@ class Engine:
         return {slot.name: float(value) for slot, value in zip(self.layout.outputs, y, strict=True)}
 
     def covariance(self) -> NDArray[np.float64]:
-        """The centralized covariance now, (n, n)."""
-        U = np.triu(self.track[0]["U"][0], 1) + np.eye(self.layout.shape.states)
+        """The centralized covariance now, (n, n), of the errors."""
+        U = np.triu(self.track[0]["U"][0], 1) + np.eye(self.layout.shape.errors)
         covariance: NDArray[np.float64] = (U * self.track[0]["d"][0]) @ U.T
         return covariance
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,22 +28,43 @@ class SensorLayout:
     channels: tuple[Slot, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class FilterLayout:
+    """One filter of the bank, a row of the track's x, U and d.
+
+    Args:
+        hears: `all` sensors (row 0, the centralized filter), all but one (`without`), or one alone (`only`).
+        sensor: the one left out or heard alone; empty for `all`.
+    """
+
+    hears: Literal["all", "without", "only"]
+    sensor: str = ""
+
+    def hears_sensor(self, name: str) -> bool:
+        """Whether an updating sensor corrects this filter; inputs drive every filter."""
+        return self.hears == "all" or (self.sensor == name) == (self.hears == "only")
+
+
 @dataclass(frozen=True)
 class Layout:
     """Names for every number in the records of one configuration.
 
     Args:
+        states, errors: numbers of x, and of its error; equal where the state is a vector.
+        filters: the bank, row by row.
         controls, references: numbers of a command, and of the reference it follows.
         outputs: what the process model derives from its state (`vx`, `vy`), in the order of `Engine.outputs`.
     """
 
     name: str
     states: tuple[Slot, ...]
+    errors: tuple[Slot, ...]
     outputs: tuple[Slot, ...]
     inputs: tuple[Slot, ...]
     controls: tuple[Slot, ...]
     references: tuple[Slot, ...]
     sensors: tuple[SensorLayout, ...]
+    filters: tuple[FilterLayout, ...]
     shape: Shape
 
     @cached_property

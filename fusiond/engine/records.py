@@ -28,15 +28,17 @@ class Shape:
     """Sizes of one configuration's records.
 
     Args:
-        states: n, slots of the process model.        inputs: numbers that drive the prediction.
-        noises: columns of its noise matrix G.         sensors: s, all sensors, inputs included.
-        filters: centralized filter plus the leave-one-out bank.
+        states: numbers in the state x.   errors: n, dimension of its covariance; fewer where the state is no
+            vector (a quaternion has four numbers and three degrees of freedom).
+        inputs: numbers that drive the prediction.     noises: columns of the noise matrix G.
+        sensors: s, all sensors, inputs included.      filters: f, rows of the bank (engine.layout.FilterLayout).
         payload: most numbers any reading carries.     slots: most state slots any sensor model reads.
         model_parameters, sensor_parameters, law_parameters: lengths of the parameter vectors.
         controls, references: numbers of the command and of the reference (0 without control).
     """
 
     states: int
+    errors: int
     inputs: int
     noises: int
     sensors: int
@@ -57,7 +59,7 @@ def record(*fields: tuple[str, str] | tuple[str, str, tuple[int, ...]]) -> np.dt
 
 
 def reading_dtype(payload: int) -> np.dtype[Any]:
-    """One reading or event. `sensor` is its number in the order of the configuration's sensors, TICK for a tick.
+    """One reading or event. `sensor` is its number in the order of the configuration's sensors, or TICK or RESET.
 
     `length` is how many numbers were sent (z holds the first `payload` of them); `flags` see HAS_*.
     """
@@ -75,28 +77,29 @@ def report_dtype(shape: Shape) -> np.dtype[Any]:
     limit: largest nis the gate lets pass (infinite: no gate).   state_t_ns: time of x and std.
     health: of every sensor after the reading.   command_due: 1 where a command was computed.
     """
-    m, n, s, k = shape.payload, shape.states, shape.sensors, shape.controls
+    m, s, k = shape.payload, shape.sensors, shape.controls
     return record(
         ("t_ns", "<i8"), ("arrival_ns", "<i8"), ("seq", "<u8"), ("sensor", "<i4"), ("verdict", "<i4"),
         ("action", "<i4"), ("dof", "<i4"), ("length", "<i4"), ("service", "<i4"), ("health", "<i4", (s,)),
         ("z", "<f8", (m,)), ("nu", "<f8", (m,)), ("S", "<f8", (m,)), ("e", "<f8", (m,)),
         ("R_used", "<f8", (m,)), ("R_declared", "<f8", (m,)), ("nis", "<f8"), ("limit", "<f8"),
-        ("state_t_ns", "<i8"), ("x", "<f8", (n,)), ("std", "<f8", (n,)),
+        ("state_t_ns", "<i8"), ("x", "<f8", (shape.states,)), ("std", "<f8", (shape.errors,)),
         ("command_due", "<i4"), ("command_valid", "<i4"), ("command", "<f8", (k,)),
     )  # fmt: skip
 
 
 def track_dtype(shape: Shape) -> np.dtype[Any]:
-    """Everything the estimator remembers. Row 0 of x, U, d is the centralized filter, row j leaves one sensor out.
+    """Everything the estimator remembers. Row 0 of x, U, d is the centralized filter, the others hear fewer sensors.
 
     Each filter has its own time: it is predicted only when one of its own readings comes, so that leaving a sensor
-    out is, bit for bit, a run that never had it. U is unit upper triangular (only its upper part is meant), d >= 0.
+    out is, bit for bit, a run that never had it. U (n, n) is unit upper triangular (only its upper part is meant),
+    d >= 0; they are the covariance of the error of x.
     u: the inputs held now, u_var their variances.   sensor_t_ns, sensor_z: last used reading of each sensor.
     """
-    n, f, s, m, ni = shape.states, shape.filters, shape.sensors, shape.payload, shape.inputs
+    n, f, s, m, ni = shape.errors, shape.filters, shape.sensors, shape.payload, shape.inputs
     return record(
         ("started", "<i8"), ("t_ns", "<i8"), ("start_ns", "<i8"), ("update_ns", "<i8"), ("resets", "<i8"),
-        ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, n)), ("U", "<f8", (f, n, n)), ("d", "<f8", (f, n)),
+        ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, shape.states)), ("U", "<f8", (f, n, n)), ("d", "<f8", (f, n)),
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
     )  # fmt: skip
@@ -125,20 +128,21 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
 
     x0, U0, d0: initial state.  p: model parameters.  Per sensor: role, length (numbers it sends), dof (channels
     measured), lower/upper (allowed range), R_U, R_d (its R as U diag(d) U'), at (state slots it reads), sp (its
-    parameters), wraps (channels that are angles, rad), drives (inputs it sets, -1 none), hold, holds_value, loo
-    (row of the filter that leaves it out, -1 none), silence_ns (longest healthy silence, 0 never silent).
+    parameters), wraps (channels that are angles, rad), drives (inputs it sets, -1 none), hold, holds_value, delay_ns
+    (its stamps are this much later than what it measured), silence_ns (longest healthy silence, 0 never silent).
+    heard: (s, f) whether filter f hears sensor s.   angle: (states,) whether a state is an angle, rad.
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
     """
-    n, s, m = shape.states, shape.sensors, shape.payload
+    n, s, m = shape.errors, shape.sensors, shape.payload
     return record(
-        ("x0", "<f8", (n,)), ("U0", "<f8", (n, n)), ("d0", "<f8", (n,)), ("p", "<f8", (shape.model_parameters,)),
-        ("angle", "<i4", (n,)),
+        ("x0", "<f8", (shape.states,)), ("U0", "<f8", (n, n)), ("d0", "<f8", (n,)), ("p", "<f8", (shape.model_parameters,)),
+        ("angle", "<i4", (shape.states,)),
         ("role", "<i4", (s,)), ("length", "<i4", (s,)), ("dof", "<i4", (s,)),
         ("lower", "<f8", (s, m)), ("upper", "<f8", (s, m)),
         ("R_U", "<f8", (s, m, m)), ("R_d", "<f8", (s, m)), ("R", "<f8", (s, m)),
         ("at", "<i8", (s, shape.slots)), ("sp", "<f8", (s, shape.sensor_parameters)),
         ("wraps", "<i4", (s, m)), ("drives", "<i4", (s, m)), ("hold", "<i4", (s,)), ("holds_value", "<i4", (s,)),
-        ("loo", "<i4", (s,)), ("silence_ns", "<i8", (s,)),
+        ("heard", "<i4", (s, shape.filters)), ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)),
         ("step_ns", "<i8"), ("max_step_ns", "<i8"), ("horizon_ns", "<i8"), ("ahead_ns", "<i8"), ("resync", "<i8"),
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
         ("control_period_ns", "<i8"), ("c", "<f8", (shape.law_parameters,)), ("law_at", "<i8", (shape.slots,)),
@@ -150,12 +154,12 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
 
     cache_*: F, B, c, G, q of a linear model by interval, so that a regular stream is discretised once.
     """
-    n, m, ni, q = shape.states, shape.payload, shape.inputs, shape.noises
+    n, m, ni, q = shape.errors, shape.payload, shape.inputs, shape.noises
     return record(
-        ("x", "<f8", (n,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)), ("G", "<f8", (n, q)),
+        ("x", "<f8", (shape.states,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)), ("G", "<f8", (n, q)),
         ("q", "<f8", (q,)), ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)),
         ("h", "<f8", (m,)), ("H", "<f8", (m, n)), ("nu", "<f8", (m,)), ("R_U", "<f8", (m, m)), ("R_d", "<f8", (m,)),
-        ("R", "<f8", (m, m)), ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("x_prior", "<f8", (n,)),
+        ("R", "<f8", (m, m)), ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("dx", "<f8", (n,)),
         ("cache_dt_ns", "<i8", (CACHE,)), ("cache_F", "<f8", (CACHE, n, n)), ("cache_B", "<f8", (CACHE, n, ni)),
         ("cache_c", "<f8", (CACHE, n)),
         ("cache_G", "<f8", (CACHE, n, q)), ("cache_q", "<f8", (CACHE, q)),

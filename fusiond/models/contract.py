@@ -7,6 +7,9 @@ and, where the model is linear and time-invariant,
 otherwise
     transition(x, u, dt_s, p, x_next, F, B)      writes x_next = f(x, u) and its Jacobians F = df/dx, B = df/du
     noise(x, dt_s, p, G, q)                      writes the noise columns and variances
+and, where the state is no vector (Process.errors given),
+    add_error(x, dx, p)                          x <- x [+] dx, in place
+    error_between(x, y, p, dx)                   writes dx with x [+] dx = y
 and, with outputs,
     derive(x, p, y)                              writes the derived outputs
 A sensor model file has
@@ -27,12 +30,23 @@ from fusiond.errors import ConfigError
 from fusiond.types import Slot
 
 
+def by_name(slots: tuple[Slot, ...], name: str) -> Slot:
+    """The slot of that name; raises ConfigError with what there is."""
+    for slot in slots:
+        if slot.name == name:
+            return slot
+    raise ConfigError(f"no state `{name}`; the process model has {', '.join(slot.name for slot in slots)}")
+
+
 @dataclass(frozen=True, slots=True)
 class Process:
     """A process model, described.
 
     Args:
         states, inputs: slots with units.    noises: columns of G.
+        errors: slots of the error state where it is no vector: F, G, H and the covariance are of these. The states
+            whose error is a plain difference come first in both, in the same order.
+        origin: the state where the configuration gives none; zeros by default.
         parameters: flat vector handed to the kernels as p.
         linear: the model is linear and time-invariant and has `discretise`.
         angles: names of states that live on a circle, rad.    outputs: derived outputs that `derive` writes.
@@ -49,6 +63,13 @@ class Process:
     outputs: tuple[Slot, ...] = ()
     step_s: float = 0.0
     max_step_s: float = 0.0
+    errors: tuple[Slot, ...] = ()
+    origin: tuple[float, ...] = ()
+
+    @property
+    def error_slots(self) -> tuple[Slot, ...]:
+        """Slots of the error: the states themselves where nothing else is said."""
+        return self.errors or self.states
 
     def has(self, *names: str) -> bool:
         """Whether every named state exists."""
@@ -57,11 +78,7 @@ class Process:
 
     def slot(self, name: str) -> Slot:
         """The state of that name; raises ConfigError with what there is."""
-        for slot in self.states:
-            if slot.name == name:
-                return slot
-        known = ", ".join(slot.name for slot in self.states)
-        raise ConfigError(f"no state `{name}`; the process model has {known}")
+        return by_name(self.states, name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from fusiond.engine.layout import Layout
 from fusiond.errors import LogError
 from fusiond.recording.summary import SensorSummary
 from fusiond.recording.truth import Truth
-from fusiond.types import TICK, Health, Role, Verdict
+from fusiond.types import Health, Role, Verdict
 
 VERDICTS = max(Verdict) + 1
 
@@ -37,21 +37,21 @@ class SensorSums:
 
     def updating(self, reports: NDArray[Any]) -> NDArray[np.bool_]:
         """Which reports are of readings that conditioned the state."""
-        used = (reports["sensor"] != TICK) & (reports["verdict"] == Verdict.USED)
+        used = (reports["sensor"] >= 0) & (reports["verdict"] == Verdict.USED)
         mask: NDArray[np.bool_] = used & self._updates[np.maximum(reports["sensor"], 0)]
         return mask
 
     def add(self, reports: NDArray[Any], updating: NDArray[np.bool_]) -> int:
-        """Count one block; returns how many of its reports are of readings, not ticks."""
-        events = reports["sensor"] != TICK
-        sensor, verdict = reports["sensor"][events], reports["verdict"][events]
+        """Count one block; returns how many of its reports are of readings, not events."""
+        readings = reports["sensor"] >= 0
+        sensor, verdict = reports["sensor"][readings], reports["verdict"][readings]
         size = self.verdicts.size
         self.verdicts += np.bincount(sensor * VERDICTS + verdict, minlength=size).reshape(self.verdicts.shape)
         measured = updating & (reports["dof"] > 0)
         at = reports["sensor"][measured]
         self._nis_sum += np.bincount(at, reports["nis"][measured], minlength=len(self._nis_sum))
         self._nis_count += np.bincount(at, minlength=len(self._nis_count))
-        return int(np.count_nonzero(events))
+        return int(np.count_nonzero(readings))
 
     def by_verdict(self) -> dict[Verdict, int]:
         """Readings refused, over all sensors, by verdict."""
@@ -92,9 +92,10 @@ class TruthSums:
         self.unused = [name for name in truth.names if name not in self.names]
         self._truth = Truth(truth.t_ns, tuple(self.names), truth.values[:, columns], truth.angles[columns])
         self._outputs = outputs
+        errors = [slot.name for slot in layout.errors]
         self._from_state = [states.index(name) if name in states else -1 for name in self.names]
-        self.state_columns = [k for k, at in enumerate(self._from_state) if at >= 0]
-        self._states = [self._from_state[k] for k in self.state_columns]
+        self.state_columns = [k for k, name in enumerate(self.names) if name in states and name in errors]
+        self._states = [errors.index(self.names[k]) for k in self.state_columns]
         self._square_sum = np.zeros(len(self.names))
         self._nees_sum = 0.0
         self._nees_count = 0

@@ -1,6 +1,6 @@
 """The CSV log: `t_s,sensor,z0,z1,...` with optional columns `arrival_s` and `seq`, rows in arrival order.
 
-A row whose sensor is `tick` is time passing (unless a sensor has that name). Trailing cells may be missing:
+A row whose sensor is `tick` is time passing, `reset` an operator's reset (unless a sensor has that name). Trailing cells may be missing:
 the reading is then shorter. What cannot be parsed is counted, never raised; only a wrong header is an error.
 """
 
@@ -22,13 +22,13 @@ from fusiond.engine.records import HAS_ARRIVAL, HAS_SEQ
 from fusiond.errors import LogError
 from fusiond.recording.decimal_time import NUMBER, nanoseconds_column, nanoseconds_of
 from fusiond.recording.refusals import Refusals
-from fusiond.types import TICK, Verdict
+from fusiond.types import EVENTS, Verdict
 
 BLOCK = 1 << 19
 """Characters read at once: some 15,000 rows."""
 FEW = 32
 """Lines that are read one by one where there is something wrong among them."""
-UNKNOWN = TICK - 1
+UNKNOWN = min(EVENTS) - 1
 SPECIAL = re.compile(r"[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE)
 HEADER = "t_s,sensor,z0,z1,... with optional arrival_s and seq"
 
@@ -80,7 +80,7 @@ class CsvLog:
         self.path = path
         self.layout = layout
         self.refusals = Refusals()
-        self._numbers = {"tick": TICK} | layout.numbers
+        self._numbers = {name: event for event, name in EVENTS.items()} | layout.numbers
         with self._open() as file:
             self._columns = columns_of(file.readline(), path)
 

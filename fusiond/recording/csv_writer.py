@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fusiond.engine.layout import Layout
 from fusiond.engine.records import HAS_ARRIVAL, HAS_SEQ
 from fusiond.recording.decimal_time import seconds_text
-from fusiond.types import TICK
+from fusiond.types import EVENTS
 
 
 def write_csv(path: Path, layout: Layout, chunks: Iterable[NDArray[Any]]) -> int:
@@ -21,7 +21,7 @@ def write_csv(path: Path, layout: Layout, chunks: Iterable[NDArray[Any]]) -> int
     Columns `arrival_s` and `seq` are always there, empty where a reading has none. Returns how many rows it
     wrote.
     """
-    names = {sensor.number: sensor.name for sensor in layout.sensors} | {TICK: "tick"}
+    names = {sensor.number: sensor.name for sensor in layout.sensors} | EVENTS
     payload, rows = layout.shape.payload, 0
     with path.open("w", encoding="utf-8") as file:
         file.write("t_s,sensor,arrival_s,seq," + ",".join(f"z{k}" for k in range(max(1, payload))) + "\n")

@@ -12,7 +12,7 @@ import numpy as np
 from fusiond.engine.layout import Layout, SensorLayout
 from fusiond.types import Role, Slot
 
-SLOTS = ("states", "outputs", "inputs", "controls", "references")
+SLOTS = ("states", "errors", "outputs", "inputs", "controls", "references")
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +21,7 @@ class Description:
 
     name: str
     states: tuple[Slot, ...]
+    errors: tuple[Slot, ...]
     outputs: tuple[Slot, ...]
     inputs: tuple[Slot, ...]
     controls: tuple[Slot, ...]

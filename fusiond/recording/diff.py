@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fusiond.errors import LogError
 from fusiond.recording.description import Description, description_of
 from fusiond.recording.mcap_blocks import McapFile
-from fusiond.types import TICK, seconds
+from fusiond.types import EVENTS, seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,13 +196,13 @@ class Comparison:
             self.first = First(int(numbers[row]), sensor, t_s, label, value_a.item(), value_b.item())
 
     def _sensor(self, number: int) -> str:
-        if number == TICK:
-            return "tick"
+        if number in EVENTS:
+            return EVENTS[number]
         sensors = self.description.sensors
         return sensors[number].name if 0 <= number < len(sensors) else f"sensor {number}"
 
     def _label(self, name: str, column: int, shape: tuple[int, ...]) -> str:
-        slots = {"x": "states", "std": "states", "health": "sensors", "command": "controls"}.get(name, "")
+        slots = {"x": "states", "std": "errors", "health": "sensors", "command": "controls"}.get(name, "")
         named = [item.name for item in getattr(self.description, slots)] if slots else []
         if column < len(named):
             return f"{name}.{named[column]}"

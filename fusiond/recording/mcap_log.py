@@ -16,10 +16,11 @@ from fusiond.recording.description import Description, description_of
 from fusiond.recording.mcap_blocks import McapFile
 from fusiond.recording.reading_json import fill_reading
 from fusiond.recording.refusals import Refusals
-from fusiond.types import TICK, Verdict
+from fusiond.types import EVENTS, Verdict
 
 CHUNK = 8192
-UNKNOWN = TICK - 1
+UNKNOWN = min(EVENTS) - 1
+NUMBERS = {name: event for event, name in EVENTS.items()}
 
 
 class McapLog:
@@ -67,7 +68,7 @@ class McapLog:
         translate, names = self._translation()
         for whole in self._file.blocks("readings"):
             block = whole
-            numbers = translate[np.clip(block["sensor"], UNKNOWN, len(translate) - 3) - UNKNOWN]
+            numbers = translate[np.clip(block["sensor"], UNKNOWN, len(translate) + UNKNOWN - 1) - UNKNOWN]
             keep = numbers != UNKNOWN
             if not keep.all():
                 self._refuse(block, keep, names)
@@ -75,13 +76,12 @@ class McapLog:
             yield self._fit(block, numbers)
 
     def _translation(self) -> tuple[NDArray[np.int32], dict[int, str]]:
-        """Our sensor number for each of the recording's, shifted by two so that ticks and unknown ones have a
-        place.
-        """
+        """Our sensor number for each of the recording's, shifted so that events and unknown ones have a place."""
         assert self.description is not None
         names = {sensor.number: sensor.name for sensor in self.description.sensors}
-        table = np.full(len(names) + 3, UNKNOWN, np.int32)
-        table[TICK - UNKNOWN] = TICK
+        table = np.full(len(names) - UNKNOWN, UNKNOWN, np.int32)
+        for event in EVENTS:
+            table[event - UNKNOWN] = event
         for number, name in names.items():
             table[number - UNKNOWN] = self.layout.numbers.get(name, UNKNOWN)
         return table, names
@@ -123,7 +123,7 @@ class McapLog:
 
     def _message(self, out: Any, name: str, message: Message) -> bool:
         """Fill one zeroed reading; whether it is one, otherwise it was counted and may be half filled."""
-        number = TICK if name == "tick" else self.layout.numbers.get(name)
+        number = NUMBERS.get(name, self.layout.numbers.get(name))
         where = f"{self.path.name} message {self._file.messages}"
         if number is None:
             self.refusals.add(Verdict.UNKNOWN_SENSOR, f"{where}: sensor {name!r}")
@@ -138,10 +138,10 @@ class McapLog:
 
 
 def sensor_of(channel: Channel) -> str | None:
-    """The sensor whose readings a JSON channel carries, `tick` for ticks, None for any other channel."""
+    """The sensor whose readings a JSON channel carries, the event's name for events, None for any other channel."""
     if channel.message_encoding != "json":
         return None
-    if channel.topic == "tick":
-        return "tick"
+    if channel.topic in NUMBERS:
+        return channel.topic
     head, found, name = channel.topic.rpartition("sensor/")
     return name if found and (not head or head.endswith("/")) else None

@@ -3,8 +3,8 @@
 | what | where |
 |---|---|
 | configuration, version, names and units | metadata record `fusiond` |
-| readings and ticks in arrival order | packed channel `readings`, and on wish JSON channels `sensor/NAME`,
-`tick` |
+| readings and events in arrival order | packed channel `readings`, and on wish JSON channels `sensor/NAME`,
+`tick`, `reset` |
 | reports in the order produced | packed channel `reports` |
 | what was published | JSON channels `estimate`, `control`, `health`, `event` |
 | how the recording ended | metadata record `fusiond.end`, absent after a crash |
@@ -33,7 +33,7 @@ from fusiond.errors import LogError
 from fusiond.recording.description import describe, dtype_text
 from fusiond.recording.reading_json import reading_json
 from fusiond.recording.schemas import schema_name, schema_text
-from fusiond.types import TICK
+from fusiond.types import EVENTS
 
 ENCODING = "fusiond.records"
 """Message encoding of the packed channels."""
@@ -65,9 +65,9 @@ class McapWriter:
             raise ValueError("a recording without readings cannot be replayed")
         self.path = path
         self.layout = layout
-        self.counts: dict[str, int] = {"readings": 0, "ticks": 0, "reports": 0, "messages": 0}
+        self.counts: dict[str, int] = {"readings": 0, "events": 0, "reports": 0, "messages": 0}
         self._packed, self._json = packed, json_readings
-        self._topics = {s.number: f"sensor/{s.name}" for s in layout.sensors} | {TICK: "tick"}
+        self._topics = {s.number: f"sensor/{s.name}" for s in layout.sensors} | EVENTS
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         try:
@@ -97,10 +97,10 @@ class McapWriter:
         self.close()
 
     def readings(self, block: NDArray[Any]) -> None:
-        """Append readings and ticks, in arrival order."""
-        ticks = int(np.count_nonzero(block["sensor"] == TICK))
-        self.counts["ticks"] += ticks
-        self.counts["readings"] += len(block) - ticks
+        """Append readings and events, in arrival order."""
+        events = int(np.count_nonzero(block["sensor"] < 0))
+        self.counts["events"] += events
+        self.counts["readings"] += len(block) - events
         if self._packed:
             self._blocks("readings", block)
         if self._json:

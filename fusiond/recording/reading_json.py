@@ -11,7 +11,7 @@ from typing import Any
 
 from fusiond.engine.records import HAS_ARRIVAL, HAS_R, HAS_SEQ
 from fusiond.recording.decimal_time import nanoseconds_of
-from fusiond.types import TICK, seconds
+from fusiond.types import EVENTS, seconds
 
 
 class Digits(str):
@@ -29,13 +29,13 @@ def number_json(value: float) -> float | str:
 
 
 def reading_json(reading: Any) -> bytes:
-    """One reading or tick as a JSON message; `length` stands in it only where it differs from what z holds."""
+    """One reading or event as a JSON message; `length` stands in it only where it differs from what z holds."""
     flags, length = int(reading["flags"]), int(reading["length"])
     t_ns = int(reading["t_ns"])
     message: dict[str, Any] = {"t": seconds(t_ns), "t_ns": t_ns}
     if flags & HAS_ARRIVAL:
         message["arrival_ns"] = int(reading["arrival_ns"])
-    if int(reading["sensor"]) == TICK:
+    if int(reading["sensor"]) in EVENTS:
         return json.dumps(message).encode()
     z = reading["z"][:length]
     message["z"] = [number_json(value) for value in z]

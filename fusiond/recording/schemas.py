@@ -18,7 +18,7 @@ PROPERTIES: dict[str, dict[str, object]] = {
         "arrival_ns": {"type": "integer"},
         "R": {"type": "array", "items": NUMBERS},
     },
-    "fusiond.Tick": {"t": TIME, "t_ns": {"type": "integer"}, "arrival_ns": {"type": "integer"}},
+    "fusiond.Instant": {"t": TIME, "t_ns": {"type": "integer"}, "arrival_ns": {"type": "integer"}},
     "fusiond.Estimate": {
         "t": TIME, "seq": SEQ, "epoch": {}, "resets": SEQ, "state": NAMED, "std": NAMED, "health": {"type":
         "string"},
@@ -41,7 +41,8 @@ SCHEMA_OF_TOPIC = {
     "control": "fusiond.Control",
     "health": "fusiond.Health",
     "event": "fusiond.Event",
-    "tick": "fusiond.Tick",
+    "tick": "fusiond.Instant",
+    "reset": "fusiond.Instant",
 }
 
 

@@ -34,6 +34,7 @@ class EstimateMessage:
 
     def __init__(self, layout: Layout) -> None:
         self._names = [slot.name for slot in layout.states]
+        self._errors = [slot.name for slot in layout.errors]
 
     def content(
         self, t_ns: int, seq: int, epoch: int, resets: int, x: Sequence[float], std: Sequence[float], service: int,
@@ -44,7 +45,7 @@ class EstimateMessage:
         if not math.isfinite(sum(x) + sum(std)):
             return message | {"state": {}, "std": {}, "health": INVALID}
         message["state"] = dict(zip(self._names, x, strict=True))
-        message["std"] = dict(zip(self._names, std, strict=True))
+        message["std"] = dict(zip(self._errors, std, strict=True))
         if outputs is not None:
             message["outputs"] = outputs
         message["health"] = SERVICE_LABELS[service]

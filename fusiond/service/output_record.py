@@ -2,7 +2,7 @@
 
 `<4sBBHQQqQ` magic `FUSE` (estimate) or `FUSC` (control), version 1, health of the service (0 nominal, 1 degraded,
 2 dead reckoning, 3 invalid), count n, u64 seq, u64 epoch, i64 t_ns, u64 resets (estimate) or valid (control); then
-f64 state[n], std[n] (estimate) or u[n], age_s (control); u32 CRC-32 of all before. Names and order of the numbers
+f64 state[n], std[...] (estimate) or u[n], age_s (control); u32 CRC-32 of all before. Names and order of the numbers
 are those of the configuration (ask `config`). An estimate that is not finite has n = 0 and health 3.
 """
 
@@ -31,7 +31,7 @@ def encode_estimate(
     if not all(map(math.isfinite, (*x, *std))):
         x, std, service = (), (), INVALID
     body = HEADER.pack(b"FUSE", 1, service, len(x), seq, epoch, t_ns, resets)
-    return _sealed(body + Struct(f"<{2 * len(x)}d").pack(*x, *std))
+    return _sealed(body + Struct(f"<{len(x) + len(std)}d").pack(*x, *std))
 
 
 def encode_control(
@@ -53,10 +53,11 @@ def decode_output(payload: bytes) -> dict[str, Any]:
     if not whole or CRC.unpack_from(payload, len(payload) - 4)[0] != zlib.crc32(payload[:-4]):
         raise ValueError("not a sound record")
     magic, version, service, n, seq, epoch, t_ns, extra = HEADER.unpack_from(payload)
-    kind = {b"FUSE": 2 * n, b"FUSC": n + 1}.get(magic)
-    if kind is None or version != 1 or len(payload) != HEADER.size + 8 * kind + CRC.size:
+    size, rest = divmod(len(payload) - HEADER.size - CRC.size, 8)
+    fits = {b"FUSE": size >= n, b"FUSC": size == n + 1}.get(magic, False)
+    if not fits or rest or version != 1:
         raise ValueError("neither an estimate nor a command of version 1")
-    numbers = list(Struct(f"<{kind}d").unpack_from(payload, HEADER.size))
+    numbers = list(Struct(f"<{size}d").unpack_from(payload, HEADER.size))
     message: dict[str, Any] = {"t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch}
     if magic == b"FUSE":
         return message | {

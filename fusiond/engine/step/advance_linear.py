@@ -10,7 +10,7 @@ from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import thornton_predict
 
 from .process import discretise
-from .sizes import INPUTS, NOISES, STATES
+from .sizes import ERRORS, INPUTS, NOISES, STATES
 
 
 @kernel
@@ -50,11 +50,11 @@ def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
         work.x[i] = total
     copy_vector(work.x, x)
     for j in range(NOISES):
-        work.w_d[STATES + j] = work.cache_q[slot, j]
-        for i in range(STATES):
-            work.W[STATES + j, i] = G[i, j]
+        work.w_d[ERRORS + j] = work.cache_q[slot, j]
+        for i in range(ERRORS):
+            work.W[ERRORS + j, i] = G[i, j]
     for j in range(INPUTS):
-        work.w_d[STATES + NOISES + j] = track.u_var[j]
-        for i in range(STATES):
-            work.W[STATES + NOISES + j, i] = B[i, j]
+        work.w_d[ERRORS + NOISES + j] = track.u_var[j]
+        for i in range(ERRORS):
+            work.W[ERRORS + NOISES + j, i] = B[i, j]
     thornton_predict(track.U[row], track.d[row], F, work.W, work.w_d, work.a)

@@ -9,7 +9,7 @@ from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import thornton_predict
 
 from .process import noise, transition
-from .sizes import INPUTS, NOISES, STATES
+from .sizes import ERRORS, INPUTS, NOISES
 
 
 @kernel
@@ -24,11 +24,11 @@ def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
     noise(x, dt_s, design.p, work.G, work.q)
     copy_vector(work.x, x)
     for j in range(NOISES):
-        work.w_d[STATES + j] = work.q[j]
-        for i in range(STATES):
-            work.W[STATES + j, i] = work.G[i, j]
+        work.w_d[ERRORS + j] = work.q[j]
+        for i in range(ERRORS):
+            work.W[ERRORS + j, i] = work.G[i, j]
     for j in range(INPUTS):
-        work.w_d[STATES + NOISES + j] = track.u_var[j]
-        for i in range(STATES):
-            work.W[STATES + NOISES + j, i] = work.B[i, j]
+        work.w_d[ERRORS + NOISES + j] = track.u_var[j]
+        for i in range(ERRORS):
+            work.W[ERRORS + NOISES + j, i] = work.B[i, j]
     thornton_predict(track.U[row], track.d[row], work.F, work.W, work.w_d, work.a)

@@ -76,7 +76,7 @@ def repeats(track: Any, design: Any, reading: Any) -> bool:
 def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
     """Apply one screened reading, no older than the last one applied. Writes report.verdict, nu, S, R_*, e, nis.
 
-    A filter of the leave-one-out bank is left wholly untouched by the sensor it leaves out.
+    A filter that does not hear the sensor is left wholly untouched.
     """
     sensor = reading.sensor
     if not track.started:
@@ -91,7 +91,7 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
         drive(track, design, work, reading, report)
     else:
         for row in range(FILTERS):
-            if row != design.loo[sensor]:
+            if design.heard[sensor, row]:
                 correct(track, design, work, row, reading, report)
         track.update_ns = reading.t_ns
     track.sensor_seen[sensor] = 1

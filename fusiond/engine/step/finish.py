@@ -11,7 +11,7 @@ from fusiond.numerics.ud import ud_variance
 from fusiond.types import Health, ServiceHealth
 
 from .law import command
-from .sizes import CONTROLS, SENSORS, STATES
+from .sizes import CONTROLS, ERRORS, SENSORS, STATES
 
 HEALTHY = int(Health.HEALTHY)
 SILENT = int(Health.SILENT)
@@ -27,8 +27,10 @@ def describe_state(track: Any, report: Any) -> bool:
     finite = True
     for i in range(STATES):
         report.x[i] = track.x[0, i]
-        report.std[i] = np.sqrt(ud_variance(track.U[0], track.d[0], i))
-        finite = finite and np.isfinite(report.x[i]) and np.isfinite(report.std[i])
+        finite = finite and np.isfinite(report.x[i])
+    for i in range(ERRORS):
+        report["std"][i] = np.sqrt(ud_variance(track.U[0], track.d[0], i))
+        finite = finite and np.isfinite(report["std"][i])
     report.state_t_ns = track.filter_t_ns[0]
     return finite
 

@@ -12,3 +12,9 @@ def discretise(dt_s: float, p: Vector, F: Matrix, B: Matrix, c: Vector, G: Matri
     F[0, 0] = 1.0
     G[0, 0] = 1.0
     q[0] = p[0] * dt_s
+
+
+@kernel
+def add_error(x: Vector, dx: Vector, p: Vector) -> None:
+    """x <- x + dx, in place; only models whose state is no vector need this."""
+    x[0] += dx[0]

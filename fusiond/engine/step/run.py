@@ -7,14 +7,14 @@ from typing import Any
 from fusiond.engine.records import CENTRAL
 from fusiond.numerics.kernel import entry, kernel
 from fusiond.numerics.ud import ud_compose
-from fusiond.types import TICK, Action, Role, Verdict
+from fusiond.types import RESET, TICK, Action, Role, Verdict
 
 from .apply import apply
 from .finish import finish
 from .predict import predict
 from .screen import comes_after, note_sequence, same_values, screen, sequence_repeats
-from .sizes import PAYLOAD, SNAPSHOT_EVERY
-from .timing import follow_jump, judge_stamp, note_stamp, time_jumped
+from .sizes import PAYLOAD, SENSORS, SNAPSHOT_EVERY
+from .timing import follow_jump, judge_stamp, note_stamp, restart, time_jumped
 
 USED = int(Verdict.USED)
 DUPLICATE = int(Verdict.DUPLICATE)
@@ -34,6 +34,16 @@ def begin_report(reading: Any, report: Any) -> None:
     report.length = reading.length
     for i in range(PAYLOAD):
         report.z[i] = reading.z[i]
+
+
+@kernel
+def measured(readings: Any, k: int, design: Any, spare: Any) -> Any:
+    """Reading k at the time of its measurement: itself, or a copy whose stamp has the sensor's delay taken off."""
+    sensor = readings[k].sensor
+    spare[0] = readings[k]
+    if 0 <= sensor < SENSORS:
+        spare[0].t_ns -= design.delay_ns[sensor]
+    return spare[0]
 
 
 @kernel
@@ -122,7 +132,7 @@ def take(
     tracks: Any, desk: Any, design: Any, work: Any, spare: Any, ring: Any, snapshots: Any, marks: Any,
     reading: Any, report: Any,
 ) -> None:  # fmt: skip
-    """Take one reading that is not a tick: screen, place in time, apply or replay."""
+    """Take one reading of a sensor: screen, place in time, apply or replay."""
     track = tracks[0]
     report.verdict = screen(track, design, work, reading)
     if report.verdict != USED:
@@ -158,7 +168,7 @@ def run(
     """Take readings in the order given and write a report on each.
 
     Args:
-        tracks, desks, design, works: one record each.   spares: (1,) track record and (1,) report record, scratch.
+        tracks, desks, design, works: one record each.   spares: (1,) track, report and reading records, scratch.
         ring, snapshots, marks: history; a snapshot marked k is the track before absolute reading k was applied.
         readings, reports: as many of one as of the other, reports zeroed.
         covariances: (count, n, n), the centralized covariance after each reading; (0, n, n) where nobody asks.
@@ -166,17 +176,20 @@ def run(
         How many were taken; fewer than given means that the ring must grow before the next.
     """
     desk, work = desks[0], works[0]
-    spare_tracks, spare_reports = spares
+    spare_tracks, spare_reports, spare_readings = spares
     for k in range(readings.shape[0]):
         if ring_is_full(desk, design[0], ring):
             return k
-        reading, report = readings[k], reports[k]
-        begin_report(reading, report)
+        reading, report = measured(readings, k, design[0], spare_readings), reports[k]
+        begin_report(readings[k], report)
         if reading.sensor == TICK:
             spare_tracks[0] = tracks[0]
             if tracks[0].started:
                 predict(spare_tracks[0], design[0], work, CENTRAL, reading.t_ns)
             finish(spare_tracks[0], desk, design[0], reading.t_ns, report)
+        elif reading.sensor == RESET:
+            report.action = restart(tracks[0], desk, marks)
+            finish(tracks[0], desk, design[0], reading.t_ns, report)
         else:
             take(tracks, desk, design[0], work, spare_reports[0], ring, snapshots, marks, reading, report)
             finish(tracks[0], desk, design[0], tracks[0].t_ns, report)

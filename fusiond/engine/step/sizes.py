@@ -1,6 +1,7 @@
 """Sizes of the records as compile-time constants, so that loops unroll; `assembly` writes a configuration's own."""
 
 STATES = 1
+ERRORS = 1
 INPUTS = 0
 NOISES = 1
 SENSORS = 1

@@ -70,11 +70,20 @@ def forget_readings(desk: Any, marks: Any) -> None:
 
 
 @kernel
+def restart(track: Any, desk: Any, marks: Any) -> int:
+    """Set the state to its initial value, from the next reading on; returns the action taken."""
+    forget_readings(desk, marks)
+    track.started = 0
+    track.resets += 1
+    return RESET
+
+
+@kernel
 def follow_jump(track: Any, desk: Any, design: Any, marks: Any, reading: Any) -> int:
     """Carry the track to the new time base of `reading`; returns the action taken."""
-    forget_readings(desk, marks)
     jump_ns = reading.t_ns - desk.newest_t_ns
     if reading["flags"] & HAS_ARRIVAL and desk.has_arrival:
+        forget_readings(desk, marks)
         shift_ns = jump_ns - passed_ns(desk, reading)
         track.t_ns += shift_ns
         track.start_ns += shift_ns
@@ -85,11 +94,10 @@ def follow_jump(track: Any, desk: Any, design: Any, marks: Any, reading: Any) ->
             track.sensor_t_ns[sensor] += shift_ns
         action = RETIMED
     elif 0 < jump_ns <= LONGEST_GAP_NS:
+        forget_readings(desk, marks)
         action = NONE
     else:
-        track.started = 0
-        track.resets += 1
-        action = RESET
+        action = restart(track, desk, marks)
     desk.command_due_ns = reading.t_ns
     desk.newest_t_ns = reading.t_ns
     return action

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from fusiond.engine.records import HAS_R
-from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.discretise import wrap_angle
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import bierman_update, ud_factor, ud_projected, whiten
 
+from .inject import inject
 from .observe import observe
 from .predict import predict
-from .sizes import STATES
+from .sizes import ERRORS
 
 
 @kernel
@@ -76,20 +76,18 @@ def condition(track: Any, design: Any, work: Any, row: int, dof: int) -> float:
 
     All channels are linearised at the prior mean, so that the result is that of one stacked update.
     """
-    x = track.x[row]
-    copy_vector(x, work.x_prior)
+    for j in range(ERRORS):
+        work.dx[j] = 0.0
     whiten(work.R_U, work.nu, work.H, dof)
     nis = 0.0
     for i in range(dof):
         nu = work.nu[i]
-        for j in range(STATES):
-            nu -= work.H[i, j] * (x[j] - work.x_prior[j])
-        S = bierman_update(x, track.U[row], track.d[row], work.H[i], work.R_d[i], nu, work.a, work.b)
+        for j in range(ERRORS):
+            nu -= work.H[i, j] * work.dx[j]
+        S = bierman_update(work.dx, track.U[row], track.d[row], work.H[i], work.R_d[i], nu, work.a, work.b)
         work.e[i] = nu / np.sqrt(S) if S > 0.0 else 0.0
         nis += work.e[i] * work.e[i]
-    for i in range(STATES):
-        if design.angle[i]:
-            x[i] = wrap_angle(x[i])
+    inject(track.x[row], work.dx, design)
     return nis
 
 

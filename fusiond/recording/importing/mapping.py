@@ -112,11 +112,12 @@ class ImportMapping:
             for number, s in enumerate(self.sensors)
         )
         shape = Shape(
-            states=0, inputs=0, noises=0, sensors=len(sensors), filters=0, payload=payload, slots=0,
+            states=0, errors=0, inputs=0, noises=0, sensors=len(sensors), filters=0, payload=payload, slots=0,
             model_parameters=0, sensor_parameters=0, law_parameters=0, controls=0, references=0,
         )  # fmt: skip
         return Layout(
-            name, states=(), outputs=(), inputs=(), controls=(), references=(), sensors=sensors, shape=shape
+            name, states=(), errors=(), outputs=(), inputs=(), controls=(), references=(), sensors=sensors,
+            filters=(), shape=shape,
         )
 
 

@@ -1,0 +1,15 @@
+"""Add an error to a state that is no vector, as its model says. `assembly` copies this file as `inject.py`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fusiond.numerics.kernel import kernel
+
+from .process import add_error
+
+
+@kernel
+def inject(x: Any, dx: Any, design: Any) -> None:
+    """x <- x [+] dx, in place."""
+    add_error(x, dx, design.p)

@@ -1,0 +1,19 @@
+"""Add an error to a state that is a vector, angles kept on the circle. `assembly` copies this file as `inject.py`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fusiond.numerics.discretise import wrap_angle
+from fusiond.numerics.kernel import kernel
+
+from .sizes import STATES
+
+
+@kernel
+def inject(x: Any, dx: Any, design: Any) -> None:
+    """x <- x + dx, in place."""
+    for i in range(STATES):
+        x[i] += dx[i]
+        if design.angle[i]:
+            x[i] = wrap_angle(x[i])
