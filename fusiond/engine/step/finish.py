@@ -27,8 +27,8 @@ def describe_state(track: Any, report: Any) -> bool:
     finite = True
     for i in range(STATES):
         report.x[i] = track.x[0, i]
-        report.std[i] = np.sqrt(ud_variance(track.U[0], track.d[0], i))
-        finite = finite and np.isfinite(report.x[i]) and np.isfinite(report.std[i])
+        report["std"][i] = np.sqrt(ud_variance(track.U[0], track.d[0], i))
+        finite = finite and np.isfinite(report.x[i]) and np.isfinite(report["std"][i])
     report.state_t_ns = track.filter_t_ns[0]
     return finite
 
