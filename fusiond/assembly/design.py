@@ -28,7 +28,9 @@ def bank_of(resolved: Resolved) -> tuple[FilterLayout, ...]:
         if section.leave_one_out:
             bank += [FilterLayout("without", sensor.name) for sensor in updating]
         if section.local_filters:
-            bank += [FilterLayout("only", sensor.name) for sensor in updating if bears_a_filter(resolved, sensor)]
+            bank += [
+                FilterLayout("only", sensor.name) for sensor in updating if bears_a_filter(resolved, sensor)
+            ]
     return tuple(bank)
 
 

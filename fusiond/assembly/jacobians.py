@@ -48,7 +48,9 @@ def check_process(resolved: Resolved) -> None:
     n = len(process.error_slots)
 
     def by_state(ahead: Array, behind: Array) -> Array:
-        return trial.error(trial.move(trial.shift(x, behind), u, dt_s)[0], trial.move(trial.shift(x, ahead), u, dt_s)[0])
+        return trial.error(
+            trial.move(trial.shift(x, behind), u, dt_s)[0], trial.move(trial.shift(x, ahead), u, dt_s)[0]
+        )
 
     def by_input(ahead: Array, behind: Array) -> Array:
         return trial.error(trial.move(x, u + behind, dt_s)[0], trial.move(x, u + ahead, dt_s)[0])

@@ -26,7 +26,10 @@ from fusiond import numerics, types
 from fusiond.engine import records, step
 from fusiond.engine.step import sizes
 
-SWAPPED = ("process.py", "observe.py", "law.py", "sizes.py", "advance_linear.py", "advance_nonlinear.py", "inject_vector.py", "inject_manifold.py")  # fmt: skip
+SWAPPED = (
+    "process.py", "observe.py", "law.py", "sizes.py", "advance.py", "advance_nonlinear.py", "inject.py",
+    "inject_manifold.py",
+)  # fmt: skip
 """Files of the template that a configuration replaces."""
 
 
@@ -86,8 +89,8 @@ def step_sources(
     """
     template = folder_sources(step)
     files = {name: text for name, text in template.items() if name not in SWAPPED}
-    files["advance.py"] = template["advance_linear.py" if linear else "advance_nonlinear.py"]
-    files["inject.py"] = template["inject_manifold.py" if manifold else "inject_vector.py"]
+    files["advance.py"] = template["advance.py" if linear else "advance_nonlinear.py"]
+    files["inject.py"] = template["inject_manifold.py" if manifold else "inject.py"]
     files["sizes.py"] = sizes_source(shape)
     files["process.py"] = process
     files["law.py"] = template["law.py"] if law is None else law

@@ -83,5 +83,7 @@ class Trial:
         initial = self.resolved.config.initial.state
         process = self.resolved.process
         origin = process.origin or (0.0,) * len(process.states)
-        x0 = np.array([initial.get(slot.key, value) for slot, value in zip(process.states, origin, strict=True)])
+        x0 = np.array(
+            [initial.get(slot.key, value) for slot, value in zip(process.states, origin, strict=True)]
+        )
         return self.shift(x0, irregular(len(process.error_slots)))

@@ -21,8 +21,12 @@ app.add_typer(config_app, name="config")
 
 ConfigPath = Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML configuration.", show_default=False)]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-Connect = Annotated[list[str] | None, typer.Option("--connect", help="Endpoint to connect to, tcp/127.0.0.1:7447.")]
-Listen = Annotated[list[str] | None, typer.Option("--listen", help="Endpoint to listen on; port 0 picks one.")]
+Connect = Annotated[
+    list[str] | None, typer.Option("--connect", help="Endpoint to connect to, tcp/127.0.0.1:7447.")
+]
+Listen = Annotated[
+    list[str] | None, typer.Option("--listen", help="Endpoint to listen on; port 0 picks one.")
+]
 Seed = Annotated[int, typer.Option(help="Of everything random.")]
 RunPath = Annotated[Path, typer.Argument(help="MCAP recording with reports.", show_default=False)]
 Endpoint = Annotated[str, typer.Option("--connect", help="Endpoint of the daemon.")]
@@ -41,7 +45,9 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")
+    ] = False,
 ) -> None:
     """Options before the command."""
 
@@ -110,7 +116,9 @@ def replay(
     from fusiond.cli.replaying import replay_log
     from fusiond.cli.views import show_replay
 
-    result = replay_log(load(config), log, truth=truth, out=out, config_text=config.read_text(encoding="utf-8"))
+    result = replay_log(
+        load(config), log, truth=truth, out=out, config_text=config.read_text(encoding="utf-8")
+    )
     if as_json:
         _emit(result)
     else:
@@ -144,7 +152,9 @@ def record(
 
 @app.command("import")
 def import_(
-    src: Annotated[Path, typer.Argument(help="rosbag 1 or 2, MCAP, CSV, MAT, or a folder.", show_default=False)],
+    src: Annotated[
+        Path, typer.Argument(help="rosbag 1 or 2, MCAP, CSV, MAT, or a folder.", show_default=False)
+    ],
     mapping: Annotated[Path, typer.Argument(metavar="MAP", help="TOML: which column is which sensor.")],
     out: Annotated[Path, typer.Argument(help="MCAP or CSV to write.", show_default=False)],
     json_readings: Annotated[bool, typer.Option(help="Also as JSON, for viewers that plot.")] = False,
@@ -172,7 +182,11 @@ def diff(run_a: RunPath, run_b: RunPath, as_json: Json = False) -> None:
 
     difference = compare(run_a, run_b)
     if as_json:
-        _emit(json.loads(json.dumps(difference.json_object()).replace("Infinity", "null").replace("NaN", "null")))
+        _emit(
+            json.loads(
+                json.dumps(difference.json_object()).replace("Infinity", "null").replace("NaN", "null")
+            )
+        )
     else:
         show_diff(difference)
     raise typer.Exit(0 if difference.equal else 1)
@@ -180,7 +194,9 @@ def diff(run_a: RunPath, run_b: RunPath, as_json: Json = False) -> None:
 
 @app.command()
 def status(
-    name: Annotated[str | None, typer.Argument(help="Name of the configuration; any daemon without it.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Name of the configuration; any daemon without it.")
+    ] = None,
     connect: Endpoint = "tcp/127.0.0.1:7447",
     as_json: Json = False,
 ) -> None:

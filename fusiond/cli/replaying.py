@@ -13,7 +13,9 @@ from fusiond.recording.replay import replay
 from fusiond.recording.truth import read_truth
 
 
-def replay_log(assembly: Assembly, log: Path, *, truth: Path | None, out: Path | None, config_text: str) -> dict[str, Any]:
+def replay_log(
+    assembly: Assembly, log: Path, *, truth: Path | None, out: Path | None, config_text: str
+) -> dict[str, Any]:
     """Replay one log; returns the object of `replay --json`. Raises LogError."""
     layout = assembly.layout
     angles = {slot.name for slot in (*layout.states, *layout.outputs) if slot.unit == "rad"}

@@ -17,7 +17,12 @@ console = Console()
 @contextmanager
 def counting(what: str) -> Iterator[Callable[[int], None]]:
     """A spinner that counts readings; yields the function to tell it how many there were so far."""
-    columns = (SpinnerColumn(), TextColumn(what), TextColumn("{task.completed:,.0f} readings"), TimeElapsedColumn())
+    columns = (
+        SpinnerColumn(),
+        TextColumn(what),
+        TextColumn("{task.completed:,.0f} readings"),
+        TimeElapsedColumn(),
+    )
     stderr = Console(stderr=True)
     with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as progress:
         task = progress.add_task(what, total=None)
@@ -79,7 +84,9 @@ def show_replay(result: Mapping[str, Any]) -> None:
             table.add_row(name, "", "", _number(rmse[name]))
         console.print(table)
     if result.get("nees_mean") is not None:
-        console.print(f"mean NEES {result['nees_mean']:.3f} (a consistent filter: {result.get('nees_dof', '?')})")
+        console.print(
+            f"mean NEES {result['nees_mean']:.3f} (a consistent filter: {result.get('nees_dof', '?')})"
+        )
     table = _table("", "sensor", "used", "rejected", "late", "mean NIS", "health")
     for name, sensor in result["sensors"].items():
         counts = (str(sensor[key]) for key in ("used", "rejected", "late"))

@@ -9,7 +9,7 @@ from rich.live import Live
 
 from fusiond.demo.scene import Scene
 from fusiond.demo.verdict import Verdict
-from fusiond.demo.view import line, panel, verdict_lines
+from fusiond.demo.view import LEAST_HEIGHT, LEAST_WIDTH, line, panel, verdict_lines
 
 
 class Display(Protocol):
@@ -44,7 +44,7 @@ class Panel:
         if self._live is None:
             self._live = Live(console=self._console, auto_refresh=False)
             self._live.start()
-        self._live.update(panel(scene), refresh=True)
+        self._live.update(panel(scene, *self._console.size), refresh=True)
 
     def close(self) -> None:
         """Leave the last panel standing and give the cursor back."""
@@ -107,5 +107,6 @@ class Silence:
 
 def display_for(console: Console) -> Display:
     """A panel where it can be drawn, otherwise lines."""
-    drawable = console.is_terminal and not console.is_dumb_terminal and "utf" in console.encoding.lower()
-    return Panel(console) if drawable else Lines(console)
+    terminal = console.is_terminal and not console.is_dumb_terminal and "utf" in console.encoding.lower()
+    room = console.width >= LEAST_WIDTH and console.height >= LEAST_HEIGHT
+    return Panel(console) if terminal and room else Lines(console)

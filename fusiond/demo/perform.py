@@ -108,7 +108,7 @@ def perform(name: str, duration_s: float, seed: int, display: Display) -> Outcom
         stack.enter_context(_signals_raise())
         stack.callback(display.close)
         stage = Stage(assembly, name, duration_s, seed, folder, display, stack)
-        display.say("demo: starting the daemon (the first time, it compiles its step for some seconds)")
+        display.say("demo: starting the daemon (the first time it compiles for some seconds)")
         stage.start(config)
         stage.watch()
         display.close()
@@ -210,7 +210,7 @@ class Stage:
         checks = (
             goal_check(truth, self._scene.setting.goal_m),
             consistency_check(summary, dofs),
-            loss_check(end["sent"], self._counted),
+            loss_check(end, self._counted),
             replay_check(self._recording, events[-1], summary),
         )
         return Outcome(

@@ -99,9 +99,13 @@ def consistency_check(summary: Summary, dofs: Mapping[str, int]) -> Check:
     return Check("consistent", holds, ", ".join(texts))
 
 
-def loss_check(sent: Mapping[str, int], status: Mapping[str, Any]) -> Check:
-    """Every reading that was sent was taken and used, none lost, refused, late or dropped."""
-    wrong = []
+def loss_check(end: Mapping[str, Any], status: Mapping[str, Any]) -> Check:
+    """Every reading that was sent was taken and used, none lost, refused, late or dropped.
+
+    Args:
+        end: the plant's last line: what it sent, and how long it paused for want of processor time.
+    """
+    wrong, sent = [], end["sent"]
     for name, number in sent.items():
         sensor = status["sensors"][name]
         refused = sum(sensor["refused"].values())
@@ -116,7 +120,8 @@ def loss_check(sent: Mapping[str, int], status: Mapping[str, Any]) -> Check:
     if wrong:
         return Check("no loss", False, "; ".join(wrong))
     total = ", ".join(f"{number} {name}" for name, number in sent.items())
-    return Check("no loss", True, f"every reading sent was used: {total}")
+    pause = f"; the plant paused {end['paused_s']:.2f} s, this machine was busy" if end["paused_s"] else ""
+    return Check("no loss", True, f"every reading sent was used: {total}{pause}")
 
 
 def without_trailing_ticks(chunks: Iterable[NDArray[Any]]) -> Iterator[NDArray[Any]]:

@@ -15,30 +15,37 @@ from fusiond.demo import chart
 from fusiond.demo.scene import Scene
 from fusiond.demo.verdict import Verdict
 
-WIDTH = 100
-CHART_WIDTH, CHART_HEIGHT = 78, 7
+WIDTH, HEIGHT = 100, 24
+"""Of the whole panel, where the terminal has room for it."""
+LEAST_WIDTH, LEAST_HEIGHT = 80, 22
+"""Of a terminal on which the panel can be drawn at all: without the column of the truth, and with a lower chart."""
+LABEL = 23
 COLOURS = {
     "nominal": "green", "healthy": "green", "degraded": "yellow", "suspect": "yellow", "probation": "yellow",
     "dead_reckoning": "red", "invalid": "red", "silent": "red", "faulty": "red", "excluded": "red",
 }  # fmt: skip
 
 
-def panel(scene: Scene) -> RenderableType:
-    """Everything at once, WIDTH columns wide."""
+def panel(scene: Scene, columns: int = WIDTH, lines: int = HEIGHT) -> RenderableType:
+    """Everything at once, on a terminal of so many columns and lines (at least LEAST_WIDTH and LEAST_HEIGHT)."""
     setting = scene.setting
+    wide = columns >= WIDTH
+    width = WIDTH if wide else LEAST_WIDTH
+    # 17 lines are not the chart's.
+    path = _path(scene, width - 19, min(HEIGHT, lines - 1) - 17)
     parts: list[RenderableType] = [
         _head(scene),
         Text(),
-        _states(scene),
+        _states(scene, wide),
         Text(),
-        _sensors(scene),
+        _sensors(scene, wide),
         Text(),
-        _path(scene),
+        path,
     ]
+    places = f"daemon {setting.pids['daemon']} at {setting.endpoint}, plant {setting.pids['plant']}"
     return Panel(
-        Group(*parts), title=f"[bold]fusiond demo {setting.name}[/]", title_align="left", width=WIDTH,
-        subtitle=f"daemon {setting.pids['daemon']} at {setting.endpoint}, plant {setting.pids['plant']}: "
-        "two processes, Zenoh between them",
+        Group(*parts), title=f"[bold]fusiond demo {setting.name}[/]", title_align="left", width=width,
+        subtitle=places + (": two processes, Zenoh between them" if wide else ""),
         subtitle_align="left", border_style="blue", padding=(0, 1),
     )  # fmt: skip
 
@@ -89,34 +96,38 @@ def _head(scene: Scene) -> RenderableType:
     return head
 
 
-def _states(scene: Scene) -> RenderableType:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, show_edge=False)
-    table.add_column("state", width=23)
-    for name, width in (("estimate", 10), ("3 sigma", 10), ("truth", 10), ("error", 10)):
-        table.add_column(name, justify="right", width=width)
-    table.add_column("error in 3 sigma", width=17)
+def _table(first: str, columns: list[str], last: str, wide: bool) -> Table:
+    """A table of numbers between a name and something to look at."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, int(wide)), pad_edge=False, show_edge=False)
+    table.add_column(first, width=LABEL, no_wrap=True)
+    for name in columns:
+        table.add_column(name, justify="right", width=10, no_wrap=True)
+    table.add_column(last, no_wrap=True)
+    return table
+
+
+def _states(scene: Scene, wide: bool) -> RenderableType:
+    columns = ["estimate", "3 sigma", "truth", "error"]
+    table = _table(
+        "state", columns if wide else [c for c in columns if c != "truth"], "error in 3 sigma", wide
+    )
     estimate: Mapping[str, Any] = scene.estimate or {"state": {}, "std": {}}
     for name, unit in scene.setting.units.items():
         value, std, error = estimate["state"].get(name), estimate["std"].get(name), scene.error(name)
         label = Text.assemble(name.replace("_", " "), (f" {unit.replace('_', '/')}", "dim"))
-        if value is None or std is None:
-            table.add_row(label, "-", "-", "-", "-", "")
-            continue
-        bar = Text()
-        if error is not None:
-            bar = Text(chart.deviation(error, 3 * std), "green" if abs(error) <= 3 * std else "red")
-        truth = "-" if error is None else f"{value - error:.5f}"
-        shown = "-" if error is None else f"{error:+.5f}"
-        table.add_row(label, Text(f"{value:.5f}", "bold"), f"±{3 * std:.5f}", truth, shown, bar)
+        numbers, bar = dict.fromkeys(columns, Text("-")), Text()
+        if value is not None and std is not None:
+            numbers |= {"estimate": Text(f"{value:.5f}", "bold"), "3 sigma": Text(f"±{3 * std:.5f}")}
+        if value is not None and std is not None and error is not None:
+            numbers |= {"truth": Text(f"{value - error:.5f}"), "error": Text(f"{error:+.5f}")}
+            half = 8 if wide else 6
+            bar = Text(chart.deviation(error, 3 * std, half), "green" if abs(error) <= 3 * std else "red")
+        table.add_row(label, *(numbers[c] for c in columns if wide or c != "truth"), bar)
     return table
 
 
-def _sensors(scene: Scene) -> RenderableType:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, show_edge=False)
-    table.add_column("sensor", width=23)
-    for name in ("rate", "used", "rejected", "lost"):
-        table.add_column(name, justify="right", width=10)
-    table.add_column("health", width=17)
+def _sensors(scene: Scene, wide: bool) -> RenderableType:
+    table = _table("sensor", ["rate", "used", "rejected", "lost"], "health", wide)
     for name, sensor in _readings(scene):
         health = str(sensor["health"])
         table.add_row(
@@ -126,29 +137,28 @@ def _sensors(scene: Scene) -> RenderableType:
     return table
 
 
-def _path(scene: Scene) -> RenderableType:
-    """Position over time towards the goal."""
+def _path(scene: Scene, width: int, height: int) -> RenderableType:
+    """Position over time towards the goal, in so many cells."""
     goal_m = scene.setting.goal_m
     values = [goal_m, *(p for _, truth, estimate in scene.path for p in (truth, estimate))]
     low, high = min(values), max(values)
     margin = 0.08 * max(high - low, 0.05)
     y_range = (low - margin, high + margin)
     points = [(t_s, estimate) for t_s, _, estimate in scene.path]
-    lines = chart.curve(points, scene.setting.duration_s, y_range, CHART_WIDTH, CHART_HEIGHT)
-    goal_row = chart.rule(goal_m, y_range, CHART_HEIGHT)
+    goal_row = chart.rule(goal_m, y_range, height)
     grid = Table.grid(padding=(0, 1))
-    for row, dots in enumerate(lines):
-        label = Text("")
+    for row, dots in enumerate(chart.curve(points, scene.setting.duration_s, y_range, width, height)):
+        label = Text()
         if row == goal_row:
-            label = Text(f"goal {goal_m:g} m", "yellow")
-        elif row == 0 or row == CHART_HEIGHT - 1:
-            label = Text(f"{y_range[row == 0]:.2f} m", "dim")
+            label = Text(f"goal {goal_m:g} m".rjust(12), "yellow")
+        elif row in (0, height - 1):
+            label = Text(f"{y_range[row == 0]:.2f} m".rjust(12), "dim")
         drawn = Text()
         for cell in dots:
             drawn.append(
                 *((cell, "cyan") if cell != " " else ("┄" if row == goal_row else " ", "yellow dim"))
             )
-        grid.add_row(Text(label.plain.rjust(12), label.style), drawn)
+        grid.add_row(label, drawn)
     return Group(Text("position over time", "dim"), grid)
 
 

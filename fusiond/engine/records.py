@@ -7,7 +7,7 @@ an array, and two runs are equal when their bytes are. All fields are little-end
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -19,7 +19,7 @@ HAS_ARRIVAL = 4
 """Reading flag: `arrival_ns` was measured by a clock; without it nothing is known of when the reading came."""
 
 
-CENTRAL = np.int64(0)
+CENTRAL = cast(int, np.int64(0))
 """Row of the centralized filter. A plain 0 is a type of its own to numba: every kernel would be compiled twice."""
 
 

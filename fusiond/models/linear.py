@@ -14,7 +14,7 @@ import numpy as np
 from fusiond.errors import ConfigError
 from fusiond.models.contract import Process, flatten, shape_of
 from fusiond.numerics.arrays import copy_matrix, copy_vector
-from fusiond.numerics.discretise import multiply, van_loan
+from fusiond.numerics.discretise import van_loan
 from fusiond.numerics.kernel import interpreted, kernel
 from fusiond.numerics.ud import Matrix, Vector, ud_factor
 from fusiond.types import Slot
@@ -60,25 +60,37 @@ def describe(
 
 
 @kernel
+def rows_of(p: Vector, M: Matrix) -> None:
+    """Write M from the leading numbers of p, its rows one after the other."""
+    for i in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            M[i, j] = p[i * M.shape[1] + j]
+
+
+@kernel
 def discretise(dt_s: float, p: Vector, F: Matrix, B: Matrix, c: Vector, G: Matrix, q: Vector) -> None:
     """One step of a discrete model (dt_s is then its step), or Van Loan's integral over dt_s."""
-    n = F.shape[0]
-    k, m = int(p[1]), int(p[2])
-    A = p[3 : 3 + n * n].copy().reshape((n, n))
-    rest = 3 + n * n
-    G_c = p[rest : rest + n * k].copy().reshape((n, k))
-    B_c = p[rest + n * k : rest + n * (k + m)].copy().reshape((n, m))
-    w = p[rest + n * (k + m) : rest + n * (k + m) + k]
+    n, k, m = F.shape[0], int(p[1]), int(p[2])
+    A, G_c, B_c = np.zeros((n, n)), np.zeros((n, k)), np.zeros((n, m))
+    rows_of(p[3:], A)
+    rows_of(p[3 + n * n :], G_c)
+    rows_of(p[3 + n * (n + k) :], B_c)
+    w = p[3 + n * (n + k + m) :]
     if p[0] > 0.0:
         copy_matrix(A, F)
         copy_matrix(B_c, B)
         copy_matrix(G_c, G)
-        copy_vector(w, q)
-    else:
-        F_d, B_d, Q_d = van_loan(A, B_c, multiply(G_c * w, G_c.T), dt_s)
-        copy_matrix(F_d, F)
-        copy_matrix(B_d, B)
-        ud_factor(Q_d, G, q, 1e-9)
-        for i in range(n):
-            for j in range(i):
-                G[i, j] = 0.0
+        copy_vector(w[:k], q)
+        return
+    density = np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            for noise in range(k):
+                density[i, j] += G_c[i, noise] * w[noise] * G_c[j, noise]
+    F_d, B_d, Q_d = van_loan(A, B_c, density, dt_s)
+    copy_matrix(F_d, F)
+    copy_matrix(B_d, B)
+    ud_factor(Q_d, G, q, 1e-9)
+    for i in range(n):
+        for j in range(i):
+            G[i, j] = 0.0

@@ -1,4 +1,7 @@
-"""From continuous time to one interval: the exact transition and noise of a linear model, and angles on the circle."""
+"""From continuous time to one interval: the exact transition and noise of a linear model, and angles on the circle.
+
+Written in loops: numba needs seconds to compile array expressions, and sums them in no particular order.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,9 @@ import numpy as np
 from fusiond.numerics.kernel import entry, kernel
 from fusiond.numerics.ud import Matrix
 
+TERMS = 20
+"""Of a series whose k-th term is below 1 / (k + 1)!: what is cut off is below 1e-19."""
+
 
 @kernel
 def wrap_angle(angle_rad: float) -> float:
@@ -17,43 +23,79 @@ def wrap_angle(angle_rad: float) -> float:
 
 
 @kernel
-def row_norm(A: Matrix) -> float:
-    """Largest row sum of absolute values."""
+def norm_bound(A: Matrix) -> float:
+    """Upper bound of the largest singular value: the largest sum of absolute values in a row or a column."""
     largest = 0.0
     for i in range(A.shape[0]):
-        largest = max(largest, float(np.sum(np.abs(A[i]))))
+        row, column = 0.0, 0.0
+        for j in range(A.shape[0]):
+            row += abs(A[i, j])
+            column += abs(A[j, i])
+        largest = max(largest, row, column)
     return largest
 
 
 @kernel
-def multiply(A: Matrix, B: Matrix) -> Matrix:
-    """A B, summed in order: no linear-algebra library, whose bits depend on the machine's choice of one."""
-    C = np.zeros((A.shape[0], B.shape[1]))
+def multiply(factor: float, A: Matrix, B: Matrix, C: Matrix) -> None:
+    """Write C = factor A B, summed in order."""
     for i in range(A.shape[0]):
-        for k in range(A.shape[1]):
-            for j in range(B.shape[1]):
-                C[i, j] += A[i, k] * B[k, j]
-    return C
+        for j in range(B.shape[1]):
+            total = 0.0
+            for k in range(A.shape[1]):
+                total += A[i, k] * B[k, j]
+            C[i, j] = factor * total
 
 
 @kernel
-def taylor_exponential(A: Matrix) -> Matrix:
-    """exp(A) for row_norm(A) <= 1, by its Taylor series to degree 18 (truncation below 1e-17)."""
-    total = np.eye(A.shape[0])
-    term = np.eye(A.shape[0])
-    for degree in range(1, 19):
-        term = multiply(term, A) / degree
-        total = total + term
-    return total
+def add_congruence(F: Matrix, Q: Matrix, T: Matrix) -> None:
+    """Q <- Q + F Q F', symmetric as Q is. T: scratch of Q's shape."""
+    n = Q.shape[0]
+    multiply(1.0, F, Q, T)
+    for i in range(n):
+        for j in range(i, n):
+            total = Q[i, j]
+            for k in range(n):
+                total += T[i, k] * F[j, k]
+            Q[i, j] = total
+    for i in range(n):
+        for j in range(i):
+            Q[i, j] = Q[j, i]
+
+
+@kernel
+def brief_integrals(A: Matrix, D: Matrix, h_s: float, F: Matrix, S: Matrix, Q: Matrix) -> None:
+    """F = exp(A h), S = int exp(A s) ds, Q = int exp(A s) D exp(A' s) ds over (0, h), by series; norm_bound(A) h <= 1/2.
+
+    The terms of Q are M_0 = D h, M_k = (A M_(k-1) + M_(k-1) A') h / (k + 1).
+    """
+    n = A.shape[0]
+    power, M, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n):
+        power[i, i] = 1.0
+        for j in range(n):
+            M[i, j] = D[i, j] * h_s
+    for k in range(1, TERMS + 1):
+        for i in range(n):
+            for j in range(n):
+                F[i, j] += power[i, j]
+                S[i, j] += power[i, j] * (h_s / k)
+                Q[i, j] += M[i, j]
+        multiply(h_s / k, A, power, T)
+        for i in range(n):
+            for j in range(n):
+                power[i, j] = T[i, j]
+        multiply(h_s / (k + 1), A, M, T)
+        for i in range(n):
+            for j in range(n):
+                M[i, j] = T[i, j] + T[j, i]
 
 
 @entry
 def van_loan(A: Matrix, B: Matrix, spectral_density: Matrix, dt_s: float) -> tuple[Matrix, Matrix, Matrix]:
     """Exact discretisation of dx = A x dt + B u dt + dw, E[dw dw'] = spectral_density dt, u held over the interval.
 
-    Van Loan's block exponential over a short interval, then doubled up to dt_s: a long interval of a fast, stable
-    system would overflow exp(-A dt), while Q <- Q + F Q F' only ever adds. Noise and drive enter scaled to norm one,
-    which a block exponential allows because it is linear in them.
+    Van Loan's integrals over a short interval, by series instead of his block exponential, then doubled up to dt_s:
+    a long interval of a fast, stable system would overflow exp(-A dt), while Q <- Q + F Q F' only ever adds.
 
     Args:
         A: (n, n), 1/s.   B: (n, m).   spectral_density: (n, n), positive semi-definite.   dt_s: interval, s.
@@ -64,24 +106,21 @@ def van_loan(A: Matrix, B: Matrix, spectral_density: Matrix, dt_s: float) -> tup
     n, m = B.shape
     doublings = 0
     short_s = dt_s
-    while row_norm(A) * short_s > 0.5 and doublings < 200:
+    while norm_bound(A) * short_s > 0.5 and doublings < 200:
         short_s *= 0.5
         doublings += 1
-    noise_norm = max(1.0, row_norm(spectral_density) * short_s)
-    drive_norm = max(1.0, row_norm(B) * short_s)
-    block = np.zeros((2 * n, 2 * n))
-    block[:n, :n] = -A * short_s
-    block[:n, n:] = spectral_density * short_s / noise_norm
-    block[n:, n:] = A.T * short_s
-    exponential = taylor_exponential(block)
-    F = exponential[n:, n:].T.copy()
-    Q = multiply(F, exponential[:n, n:]) * noise_norm
-    driven = np.zeros((n + m, n + m))
-    driven[:n, :n] = A * short_s
-    driven[:n, n:] = B * short_s / drive_norm
-    B_d = taylor_exponential(driven)[:n, n:] * drive_norm
+    F, S, Q = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    B_d, T = np.zeros((n, m)), np.zeros((n, n))
+    brief_integrals(A, spectral_density, short_s, F, S, Q)
     for _ in range(doublings):
-        Q = Q + multiply(multiply(F, Q), F.T)
-        B_d = B_d + multiply(F, B_d)
-        F = multiply(F, F)
-    return F, B_d, 0.5 * (Q + Q.T)
+        add_congruence(F, Q, T)
+        multiply(1.0, F, S, T)
+        for i in range(n):
+            for j in range(n):
+                S[i, j] += T[i, j]
+        multiply(1.0, F, F, T)
+        for i in range(n):
+            for j in range(n):
+                F[i, j] = T[i, j]
+    multiply(1.0, S, B, B_d)
+    return F, B_d, Q

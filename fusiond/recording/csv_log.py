@@ -1,7 +1,8 @@
 """The CSV log: `t_s,sensor,z0,z1,...` with optional columns `arrival_s` and `seq`, rows in arrival order.
 
-A row whose sensor is `tick` is time passing, `reset` an operator's reset (unless a sensor has that name). Trailing cells may be missing:
-the reading is then shorter. What cannot be parsed is counted, never raised; only a wrong header is an error.
+A row whose sensor is `tick` is time passing, `reset` an operator's reset (unless a sensor has that name). Trailing
+cells may be missing: the reading is then shorter. What cannot be parsed is counted, never raised; only a wrong header
+is an error.
 """
 
 from __future__ import annotations

@@ -124,7 +124,9 @@ class Run:
         final = {
             "t_s": seconds(int(last["state_t_ns"])),
             "state": dict(zip(names, x.tolist(), strict=False)),
-            "std": dict(zip([slot.name for slot in layout.errors], np.asarray(last["std"]).tolist(), strict=False)),
+            "std": dict(
+                zip([slot.name for slot in layout.errors], np.asarray(last["std"]).tolist(), strict=False)
+            ),
             "health": ServiceHealth(int(last["service"])).label,
         }
         return final | ({"outputs": self._engine.outputs(x)} if layout.outputs else {})

@@ -22,7 +22,9 @@ def estimate_message(layout: Layout, report: Any, seq: int, epoch: str, resets: 
         "epoch": epoch,
         "resets": resets,
         "state": dict(zip(names, map(number_json, report["x"]), strict=False)),
-        "std": dict(zip([slot.name for slot in layout.errors], map(number_json, report["std"]), strict=False)),
+        "std": dict(
+            zip([slot.name for slot in layout.errors], map(number_json, report["std"]), strict=False)
+        ),
         "health": ServiceHealth(int(report["service"])).label,
     }
 

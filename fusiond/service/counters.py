@@ -37,7 +37,7 @@ class Gaps:
         elif seq in self._open:
             del self._open[seq]
             self.lost -= 1
-        elif seq == 0 or top - seq >= FAR_BACK:
+        elif top - seq >= FAR_BACK:
             self._top = seq
             self._open.clear()
 

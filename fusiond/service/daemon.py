@@ -12,13 +12,12 @@ import zenoh
 from numpy.typing import NDArray
 
 from fusiond.engine.records import HAS_ARRIVAL
-from fusiond.service.admin import Admin, Refusal
+from fusiond.service.admin import Admin
 from fusiond.service.clock import Clock
 from fusiond.service.counters import Counters
 from fusiond.service.health_watch import HealthWatch, Transition
 from fusiond.service.intake import IGNORED, Intake
 from fusiond.service.mailbox import Arrival, Mailbox
-from fusiond.service.messages import INVALID, SERVICE_LABELS
 from fusiond.service.notify import Notifier
 from fusiond.service.outputs import Outputs
 from fusiond.service.sessions import Sessions, open_sessions
@@ -26,7 +25,7 @@ from fusiond.service.settings import Settings, settings_of
 from fusiond.service.status import configuration, status
 from fusiond.service.telemetry import Voice
 from fusiond.service.wire import Decoder
-from fusiond.types import TICK, Health
+from fusiond.types import RESET, TICK, Health
 
 HOUSEKEEPING_NS = 1_000_000_000
 LONGEST_WAIT_NS = 100_000_000
@@ -95,9 +94,8 @@ class Daemon:
         self.started_ns = self.clock.now_ns()
         self.epoch = self.started_ns // 1_000_000
         self._decoder, self._counters, self._watch = Decoder(layout), Counters(layout), HealthWatch(layout)
-        self._resets = 0
-        self._tick = np.zeros(1, layout.reading)
-        self._tick["sensor"], self._tick["flags"] = TICK, HAS_ARRIVAL
+        self._event = np.zeros(1, layout.reading)
+        self._event["flags"] = HAS_ARRIVAL
         self._tick_period_ns = round(1e9 / settings.tick_hz)
         self._tick_due_ns = self._housekeeping_due_ns = 0
         self._opened = self.sessions = open_sessions(
@@ -191,7 +189,7 @@ class Daemon:
 
     def _process(self, readings: NDArray[Any]) -> NDArray[Any]:
         reports: NDArray[Any] = self.engine.process(readings)
-        self._outputs.publish(reports, self._resets + int(self.engine.track["resets"][0]))
+        self._outputs.publish(reports, int(self.engine.track["resets"][0]))
         for change in self._watch.observe(reports):
             self._outputs.transition(change)
             self._tell(change)
@@ -211,10 +209,13 @@ class Daemon:
         if passed_ns < self._tick_period_ns:
             self._tick_due_ns = now_ns - passed_ns + self._tick_period_ns
             return
-        self._tick["t_ns"] = int(desk["newest_t_ns"][0]) + passed_ns
-        self._tick["arrival_ns"] = now_ns
         self._counters.ticks += 1
-        self._process(self._tick)
+        self._happen(TICK, int(desk["newest_t_ns"][0]) + passed_ns, now_ns)
+
+    def _happen(self, event: int, t_ns: int, now_ns: int) -> None:
+        """Process an event like a reading: a replay of the recording meets it at the same place."""
+        self._event["sensor"], self._event["t_ns"], self._event["arrival_ns"] = event, t_ns, now_ns
+        self._process(self._event)
 
     def _keep_house(self, now_ns: int) -> None:
         """Once a second, and after every change of health."""
@@ -262,7 +263,7 @@ class Daemon:
         return status(
             config=self.assembly.config, mode=self.settings.mode, endpoints=self.sessions.endpoints,
             epoch=self.epoch, uptime_s=(self.clock.now_ns() - self.started_ns) / 1e9,
-            resets=self._resets + int(self.engine.track["resets"][0]), counters=self._counters,
+            resets=int(self.engine.track["resets"][0]), counters=self._counters,
             decoder=self._decoder, watch=self._watch, mailbox=self.mailbox, latest=self._outputs.latest,
             state_sha256=self.engine.state_sha256(),
             recorder=self._recorder,
@@ -273,16 +274,6 @@ class Daemon:
 
     def _reset(self, _: Mapping[str, Any]) -> dict[str, Any]:
         """Set the state to its initial value, as if the daemon had just begun."""
-        if self._recorder is not None:
-            raise Refusal(
-                "recording",
-                "reset: a replay of this recording could not repeat it; stop and start the daemon",
-            )
-        t_ns = int(self.engine.desk["newest_t_ns"][0])
-        self._resets += 1 + int(self.engine.track["resets"][0])
-        self.engine.reset()
-        self._outputs.transition(Transition(t_ns, None, SERVICE_LABELS[self._watch.service], INVALID))
-        self._watch = HealthWatch(self.assembly.layout)
-        self._housekeeping_due_ns = 0
+        self._happen(RESET, int(self.engine.desk["newest_t_ns"][0]), self.clock.now_ns())
         self.voice.info("command: reset; the state starts again with the next reading")
-        return {"done": "reset", "resets": self._resets}
+        return {"done": "reset", "resets": int(self.engine.track["resets"][0])}

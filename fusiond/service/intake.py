@@ -12,7 +12,7 @@ import zenoh
 
 from fusiond.engine.layout import Layout
 from fusiond.service.clock import Clock
-from fusiond.service.mailbox import Arrival, Mailbox
+from fusiond.service.mailbox import Mailbox
 from fusiond.service.wire import UNKNOWN
 
 AT_ONCE = 256
@@ -79,7 +79,7 @@ class Intake:
         try:
             while True:
                 sample = ring.recv()
-                self._mailbox.put(Arrival(self._clock.now_ns(), route, sample))
+                self._mailbox.put((self._clock.now_ns(), route, sample))
                 work_off()
                 # Only where more has come meanwhile is it worth gathering before the next round of work.
                 while self._gather(route):
@@ -94,7 +94,7 @@ class Intake:
             sample = ring.try_recv()
             if sample is None:
                 return k > 0
-            put(Arrival(now_ns(), route, sample))
+            put((now_ns(), route, sample))
         return True
 
 

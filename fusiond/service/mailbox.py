@@ -11,17 +11,11 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
 
 import zenoh
 
-
-class Arrival(NamedTuple):
-    """One put as a reader thread found it. `route`: the subscription's place in `Intake`."""
-
-    arrival_ns: int
-    route: int
-    sample: zenoh.Sample
+Arrival = tuple[int, int, zenoh.Sample]
+"""One put as a reader thread found it: arrival in ns, the subscription's place in `Intake`, the sample."""
 
 
 class Mailbox:

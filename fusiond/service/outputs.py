@@ -27,7 +27,7 @@ from fusiond.service.messages import (
     report_message,
 )
 from fusiond.service.report_rows import ReportRows
-from fusiond.types import Role, ServiceHealth, Verdict
+from fusiond.types import EVENTS, Role, ServiceHealth, Verdict
 
 JSON = "application/json"
 USED = int(Verdict.USED)
@@ -63,8 +63,8 @@ class Outputs:
         self._limit, self._record_limit = RateLimiter(publish_hz), RateLimiter(record_hz)
         self._record_hz = record_hz
         self._rows = ReportRows(layout)
-        # One place more, for ticks: their sensor number is -1.
-        self._updating = [sensor.role == Role.UPDATE for sensor in layout.sensors] + [False]
+        # Places at the end for events, whose sensor numbers are negative.
+        self._updating = [sensor.role == Role.UPDATE for sensor in layout.sensors] + [False for _ in EVENTS]
         self._update_ns: int | None = None
         estimate, control = (
             (output_record.ESTIMATE_ENCODING, output_record.CONTROL_ENCODING) if packed else (JSON, JSON)

@@ -24,6 +24,9 @@ HEADER = Struct("<4sBBHQq")
 CRC = Struct("<I")
 FRAME = HEADER.size + CRC.size
 
+WORTH_JOINING = 8
+"""Puts of one record from which decoding them by columns is faster than one by one."""
+
 Refused = list[Verdict]
 
 
@@ -67,6 +70,19 @@ def decode_records(payload: bytes, sensor: int, arrival_ns: int, batch: ReadingB
     return _decode_each(payload, sensor, arrival_ns, batch)
 
 
+def decode_puts(payloads: list[bytes], sensor: int, arrivals_ns: list[int], batch: ReadingBatch) -> Refused:
+    """Append the records of several puts of one length; equals `decode_records` one by one, and is faster."""
+    if len(payloads) >= WORTH_JOINING and len(payloads[0]) >= FRAME:
+        _, _, flags, n, _, _ = HEADER.unpack_from(payloads[0])
+        single = len(payloads[0]) == FRAME + 8 * (n + n if flags & R_FOLLOWS else n)
+        if single and _decode_equal(b"".join(payloads), n, flags, sensor, arrivals_ns, batch):
+            return []
+    refused: Refused = []
+    for payload, arrival_ns in zip(payloads, arrivals_ns, strict=True):
+        refused += decode_records(payload, sensor, arrival_ns, batch)
+    return refused
+
+
 def _decode_each(payload: bytes, sensor: int, arrival_ns: int, batch: ReadingBatch) -> Refused:
     """One record after the other, whatever their sizes."""
     refused: Refused = []
@@ -84,9 +100,13 @@ def _decode_each(payload: bytes, sensor: int, arrival_ns: int, batch: ReadingBat
 
 
 def _decode_equal(
-    payload: bytes, n: int, flags: int, sensor: int, arrival_ns: int, batch: ReadingBatch
+    payload: bytes, n: int, flags: int, sensor: int, arrival_ns: int | list[int], batch: ReadingBatch
 ) -> bool:
-    """Records of one size and kind, by whole columns. False, and nothing appended, where any of them is unsound."""
+    """Records of one size and kind, by whole columns. False, and nothing appended, where any of them is unsound.
+
+    Args:
+        arrival_ns: of them all, or of each.
+    """
     with_R = bool(flags & R_FOLLOWS)
     wire = np.frombuffer(payload, _wire_dtype(n, with_R))
     head = wire["head"]

@@ -35,6 +35,10 @@ class Decoder:
         self.refusals = Refusals()
         self.refused_by_sensor: list[dict[str, int]] = [{} for _ in layout.sensors]
         self.batch = ReadingBatch(layout)
+        self._run_sensor = UNKNOWN
+        self._run_length = -1
+        self._run: list[bytes] = []
+        self._run_arrivals_ns: list[int] = []
 
     def begin(self) -> None:
         """Start the next batch; the array of the last one is overwritten."""
@@ -42,6 +46,8 @@ class Decoder:
 
     def readings(self) -> NDArray[Any]:
         """The readings since `begin`, in the order they were added; valid until the next `begin`."""
+        if self._run:
+            self._end_run()
         return self.batch.view()
 
     def add(self, sensor: int, arrival_ns: int, encoding: str, payload: bytes) -> None:
@@ -49,16 +55,31 @@ class Decoder:
         if sensor == UNKNOWN:
             self.refusals.add(Verdict.UNKNOWN_SENSOR, "a key of no configured sensor")
             return
+        if encoding == reading_record.ENCODING and len(payload) <= MOST_BYTES:
+            if self._run and (sensor != self._run_sensor or len(payload) != self._run_length):
+                self._end_run()
+            self._run_sensor, self._run_length = sensor, len(payload)
+            self._run.append(payload)
+            self._run_arrivals_ns.append(arrival_ns)
+            return
+        if self._run:
+            self._end_run()
         if len(payload) > MOST_BYTES:
             refused = [Verdict.MALFORMED]
-        elif encoding == reading_record.ENCODING:
-            refused = reading_record.decode_records(payload, sensor, arrival_ns, self.batch)
         elif encoding.startswith(TEXT_ENCODINGS):
             refused = reading_json.decode_json(payload, self.layout.sensors[sensor], arrival_ns, self.batch)
         else:
             refused = [Verdict.MALFORMED]
         for verdict in refused:
             self._count(sensor, verdict)
+
+    def _end_run(self) -> None:
+        """Decode the records held back: puts of one sensor and length, one after the other."""
+        sensor = self._run_sensor
+        for verdict in reading_record.decode_puts(self._run, sensor, self._run_arrivals_ns, self.batch):
+            self._count(sensor, verdict)
+        self._run.clear()
+        self._run_arrivals_ns.clear()
 
     def _count(self, sensor: int, verdict: Verdict) -> None:
         self.refusals.add(verdict, f"sensor {self.layout.sensors[sensor].name}")

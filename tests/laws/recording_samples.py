@@ -18,11 +18,11 @@ def layout_of(*names: str, payload: int = 3) -> Layout:
         for number, name in enumerate(names)
     )
     shape = Shape(
-        states=2, inputs=0, noises=1, sensors=len(names), filters=1, payload=payload, slots=2,
+        states=2, errors=2, inputs=0, noises=1, sensors=len(names), filters=1, payload=payload, slots=2,
         model_parameters=0, sensor_parameters=0, law_parameters=0, controls=0, references=0,
     )  # fmt: skip
     states = (Slot("position", "m"), Slot("heading", "rad"))
-    return Layout("sample", states, (), (), (), (), sensors, shape)
+    return Layout("sample", states, states, (), (), (), (), sensors, (), shape)
 
 
 def readings_of(layout: Layout, count: int, seed: int = 0, *, ticks: bool = True, covariances: bool = False):

@@ -49,7 +49,7 @@ def test_a_recording_says_what_it_holds(tmp_path):
     assert len(list(file.walk())) == 3
     ticks = int(np.sum(readings["sensor"] == TICK))
     assert file.metadata["fusiond.end"]["readings"] == str(250 - ticks)
-    assert file.metadata["fusiond.end"]["ticks"] == str(ticks)
+    assert file.metadata["fusiond.end"]["events"] == str(ticks)
     assert file.metadata["fusiond"]["config"] == "name = 'sample'"
     description = McapLog(tmp_path / "run.mcap", LAYOUT).description
     assert [sensor.name for sensor in description.sensors] == ["gps", "imu", "speed"]

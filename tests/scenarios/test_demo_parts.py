@@ -136,6 +136,9 @@ def summary_of(nis_mean: float = 1.0, nees_mean: float = 3.0) -> Summary:
     )  # fmt: skip
 
 
+END = {"sent": {"ultrasonic": 100}, "paused_s": 0.0}
+
+
 def status_of(**changes: int):
     sensor = {
         "used": 100,
@@ -179,12 +182,12 @@ def test_consistency_is_held_on_both_sides(nis_mean, nees_mean, ok):
     ],
 )
 def test_one_reading_that_is_missing_fails_the_verdict(changes):
-    assert loss_check({"ultrasonic": 100}, status_of()).ok is True
-    assert loss_check({"ultrasonic": 100}, status_of(**changes)).ok is False
+    assert loss_check(END, status_of()).ok is True
+    assert loss_check(END, status_of(**changes)).ok is False
 
 
 def test_one_reading_dropped_in_the_queue_fails_the_verdict():
-    assert loss_check({"ultrasonic": 100}, status_of() | {"queue": {"dropped": 1}}).ok is False
+    assert loss_check(END, status_of() | {"queue": {"dropped": 1}}).ok is False
 
 
 def test_a_part_that_was_not_asked_fails_nothing_and_one_that_fails_fails_all():
@@ -258,15 +261,23 @@ def printed(renderable: object) -> str:
     return out.getvalue()
 
 
-def test_the_panel_shows_estimate_truth_and_error_and_cuts_nothing_off():
+@pytest.mark.parametrize(("columns", "lines"), [(80, 22), (80, 24), (99, 60), (100, 24), (200, 25)])
+def test_the_panel_fits_its_terminal_and_cuts_nothing_off(columns, lines):
+    text = printed(panel(scene_of(), columns, lines))
+    assert "…" not in text
+    assert len(text.splitlines()) < lines
+    assert max(map(len, text.splitlines())) <= columns
+    assert "error in 3 sigma" in text
+
+
+def test_the_panel_shows_estimate_truth_and_error():
     text = printed(panel(scene_of()))
+    assert "2.00000" in text
     assert "2.00100" in text
     assert "±0.00600" in text
     assert "+0.00100" in text
     assert "goal 2 m" in text
     assert "ultrasonic" in text
-    assert "…" not in text
-    assert max(map(len, text.splitlines())) == WIDTH
 
 
 def test_the_panel_can_be_drawn_before_anything_was_heard():
@@ -316,7 +327,8 @@ def test_a_dumb_terminal_and_a_file_get_lines(monkeypatch):
         encoding = "utf-8"
 
     monkeypatch.setenv("TERM", "xterm-256color")
-    assert isinstance(display_for(Console(file=Utf8(), force_terminal=True)), Panel)
+    assert isinstance(display_for(Console(file=Utf8(), force_terminal=True, width=80, height=24)), Panel)
+    assert isinstance(display_for(Console(file=Utf8(), force_terminal=True, width=79, height=24)), Lines)
     assert isinstance(display_for(Console(file=Utf8(), force_terminal=False)), Lines)
     monkeypatch.setenv("TERM", "dumb")
     assert isinstance(display_for(Console(file=Utf8(), force_terminal=True)), Lines)

@@ -44,7 +44,11 @@ def stream(assembly):
         reading["sensor"] = layout.numbers["ultrasonic" if is_range else "accelerometer"]
         reading["t_ns"] = base_ns + (k // 3) * 20_000_000 + (k % 3) * 10_000_000 - is_range * 5_000_000
         reading["z"][0] = rng.normal(1.0 if is_range else 0.0, 0.01)
-        reading["length"], reading["flags"], reading["seq"] = 1, HAS_SEQ, k // 3 if is_range else k // 3 * 2 + k % 3
+        reading["length"], reading["flags"], reading["seq"] = (
+            1,
+            HAS_SEQ,
+            k // 3 if is_range else k // 3 * 2 + k % 3,
+        )
     return readings
 
 
@@ -122,7 +126,9 @@ def test_an_endpoint_in_use_is_told_with_the_remedy(start):
 
 
 def test_nobody_there_is_told_with_the_remedy():
-    with pytest.raises(ConnectionFailed, match=r"connect tcp/127\.0\.0\.1:1: nobody answered within 0 s; start"):
+    with pytest.raises(
+        ConnectionFailed, match=r"connect tcp/127\.0\.0\.1:1: nobody answered within 0 s; start"
+    ):
         open_session(session_options("client", connect=["tcp/127.0.0.1:1"]), timeout_s=0.0)
 
 
@@ -199,7 +205,10 @@ def test_the_token_says_that_it_takes_readings(start):
     session = open_session(session_options("client", connect=[daemon.endpoint]))
     try:
         tokens = zenoh.handlers.FifoChannel(16)
-        found = [str(r.ok.key_expr) for r in session.liveliness().get("fusiond/bench/alive/**", tokens, timeout=WAIT_S)]
+        found = [
+            str(r.ok.key_expr)
+            for r in session.liveliness().get("fusiond/bench/alive/**", tokens, timeout=WAIT_S)
+        ]
         assert len(found) == 1
         assert found[0].startswith("fusiond/bench/alive/fusion/")
     finally:
@@ -256,7 +265,10 @@ def test_readings_out_of_order_over_the_wire_end_in_the_same_bits(start, stream,
     out_of_order = play(start(), shuffled, assembly.layout)
     assert in_order["state_sha256"] == out_of_order["state_sha256"]
     for sensor in ("accelerometer", "ultrasonic"):
-        assert (out_of_order["sensors"][sensor]["lost"], out_of_order["sensors"][sensor]["rejected"]) == (0, 0)
+        assert (out_of_order["sensors"][sensor]["lost"], out_of_order["sensors"][sensor]["rejected"]) == (
+            0,
+            0,
+        )
 
 
 def test_a_replay_of_its_own_recording_gives_the_same_reports(start, stream, assembly, tmp_path):

@@ -1,4 +1,4 @@
-"""One interval of a nonlinear model, linearised at the prior mean. `assembly` copies this file as `advance.py`."""
+"""One interval of a nonlinear model, linearised at the prior mean. `assembly` copies this file over `advance.py`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Add an error to a state that is no vector, as its model says. `assembly` copies this file as `inject.py`."""
+"""Add an error to a state that is no vector, as its model says. `assembly` copies this file over `inject.py`."""
 
 from __future__ import annotations
 

@@ -116,8 +116,16 @@ class ImportMapping:
             model_parameters=0, sensor_parameters=0, law_parameters=0, controls=0, references=0,
         )  # fmt: skip
         return Layout(
-            name, states=(), errors=(), outputs=(), inputs=(), controls=(), references=(), sensors=sensors,
-            filters=(), shape=shape,
+            name,
+            states=(),
+            errors=(),
+            outputs=(),
+            inputs=(),
+            controls=(),
+            references=(),
+            sensors=sensors,
+            filters=(),
+            shape=shape,
         )
 
 

@@ -1,4 +1,4 @@
-"""Add an error to a state that is a vector, angles kept on the circle. `assembly` copies this file as `inject.py`."""
+"""Add an error to a state that is a vector, angles kept on the circle."""
 
 from __future__ import annotations
 

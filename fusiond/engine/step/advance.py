@@ -1,4 +1,4 @@
-"""One interval of a linear, time-invariant model. `assembly` copies this file as `advance.py`."""
+"""One interval of a linear, time-invariant model."""
 
 from __future__ import annotations
 
