@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.assembly.plain import LOCAL, is_plain
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
 from fusiond.engine.layout import Layout, SensorLayout
 from fusiond.engine.records import Shape, design_dtype
@@ -18,6 +19,9 @@ SILENT_PERIODS = 3.0
 SHORTEST_SILENCE_S = 0.1
 """No default is shorter: a busy host holds readings back for tens of milliseconds."""
 
+LONGEST_WAIT_NS = 10 * NANOSECONDS
+"""A sensor slower than this is not waited for before a jump of all other clocks is believed."""
+
 
 def shape_of(resolved: Resolved) -> Shape:
     """Sizes of the configuration's records."""
@@ -25,6 +29,8 @@ def shape_of(resolved: Resolved) -> Shape:
     models = [sensor.model for sensor in resolved.sensors]
     updating = len(resolved.updating)
     bank = updating if resolved.config.filter.leave_one_out and updating > 1 else 0
+    if is_plain(resolved.config):
+        bank = updating if resolved.config.fusion.topology in LOCAL else 0
     return Shape(
         states=len(process.states),
         inputs=len(process.inputs),
@@ -57,6 +63,7 @@ def layout_of(resolved: Resolved) -> Layout:
         references=law.references if law else (),
         sensors=sensors,
         shape=shape_of(resolved),
+        topology=resolved.config.fusion.topology if is_plain(resolved.config) else "",
     )
 
 
@@ -143,7 +150,7 @@ def design_of(resolved: Resolved, shape: Shape) -> NDArray[np.void]:
     for number, sensor in enumerate(resolved.sensors):
         _sensor(resolved, number, record)
         record["loo"][number] = -1
-        if sensor.role is Role.UPDATE and shape.filters > 1:
+        if sensor.role is Role.UPDATE and shape.filters > 1 and not is_plain(config):
             record["loo"][number] = leaving_out
             leaving_out += 1
     record["step_ns"] = nanoseconds(process.step_s)
@@ -151,6 +158,8 @@ def design_of(resolved: Resolved, shape: Shape) -> NDArray[np.void]:
     record["horizon_ns"] = nanoseconds(config.history.horizon_s)
     record["ahead_ns"] = nanoseconds(config.history.max_ahead_s)
     record["resync"] = config.history.resync_count
+    patience_ns = min(int(record["silence_ns"].max()), LONGEST_WAIT_NS)
+    record["quiet_ns"] = max(record["horizon_ns"], NANOSECONDS, patience_ns)
     record["dead_reckoning_ns"] = nanoseconds(config.health.dead_reckoning_s)
     record["invalid_ns"] = nanoseconds(config.health.invalid_s)
     _control(resolved, record)
