@@ -21,8 +21,8 @@ HOLDS_GOAL_M = 2.5e-3
 """RMS distance from the goal over the last ten seconds: the promise for seed 0 of the noise."""
 PROMISED_STAY_S = 10.0
 ANY_RUN_M = 8e-3
-"""The same for any other seed, and for a shorter stay. The noise alone puts one run in eight further off than 2.5 mm; of
-400 seeds of either plant none was off by more than 3.9 mm over ten seconds, 6.5 mm over three."""
+"""The same for any other seed, and for a shorter stay. The noise alone puts one run in eight further off than 2.5 mm;
+of 400 seeds of either plant none was off by more than 3.9 mm over ten seconds, 6.5 mm over three."""
 REACHED_S = 15.0
 """From 2 m away the saturated loop is within a millimetre after this time."""
 SHORTEST_S = 3.0
