@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.assembly.observability import bears_a_filter
+from fusiond.assembly.plain import LOCAL, is_plain
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
 from fusiond.engine.layout import FilterLayout, Layout, SensorLayout
 from fusiond.engine.records import Shape, design_dtype
@@ -19,11 +20,17 @@ SILENT_PERIODS = 3.0
 SHORTEST_SILENCE_S = 0.1
 """No default is shorter: a busy host holds readings back for tens of milliseconds."""
 
+LONGEST_WAIT_NS = 10 * NANOSECONDS
+"""A sensor slower than this is not waited for before a jump of all other clocks is believed."""
+
 
 def bank_of(resolved: Resolved) -> tuple[FilterLayout, ...]:
     """The bank: all sensors, each left out, and each alone that sees all the configuration asks to be seen."""
     section, updating = resolved.config.filter, resolved.updating
     bank = [FilterLayout("all")]
+    if is_plain(resolved.config):
+        local = resolved.config.fusion.topology in LOCAL
+        return (*bank, *(FilterLayout("only", sensor.name) for sensor in updating if local))
     if len(updating) > 1:
         if section.leave_one_out:
             bank += [FilterLayout("without", sensor.name) for sensor in updating]
@@ -74,6 +81,7 @@ def layout_of(resolved: Resolved) -> Layout:
         sensors=sensors,
         filters=filters,
         shape=shape_of(resolved, len(filters)),
+        topology=resolved.config.fusion.topology if is_plain(resolved.config) else "",
     )
 
 
@@ -166,6 +174,8 @@ def design_of(resolved: Resolved, layout: Layout) -> NDArray[np.void]:
     record["horizon_ns"] = nanoseconds(config.history.horizon_s)
     record["ahead_ns"] = nanoseconds(config.history.max_ahead_s)
     record["resync"] = config.history.resync_count
+    patience_ns = min(int(record["silence_ns"].max()), LONGEST_WAIT_NS)
+    record["quiet_ns"] = max(record["horizon_ns"], NANOSECONDS, patience_ns)
     record["dead_reckoning_ns"] = nanoseconds(config.health.dead_reckoning_s)
     record["invalid_ns"] = nanoseconds(config.health.invalid_s)
     _control(resolved, record)

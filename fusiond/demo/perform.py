@@ -208,7 +208,7 @@ class Stage:
         )  # fmt: skip
         dofs = {sensor.name: len(sensor.channels) for sensor in layout.sensors}
         checks = (
-            goal_check(truth, self._scene.setting.goal_m),
+            goal_check(truth, self._scene.setting.goal_m, self._seed),
             consistency_check(summary, dofs),
             loss_check(end, self._counted),
             replay_check(self._recording, events[-1], summary),

@@ -31,8 +31,10 @@ from fusiond.types import NANOSECONDS, nanoseconds
 SENSORS = ("accelerometer", "ultrasonic", "applied")
 TELL_NS = 30_000_000
 """How often truth is told: with every reading that updates the state."""
-MOST_BEHIND_NS = 50_000_000
-"""Longest delay that is caught up in a burst. Of a longer one (a stopped process) the rest is a pause of the plant."""
+MOST_BEHIND_NS = 1_000_000_000
+"""Longest delay that is caught up in a burst, as the world would have gone on; of a longer one (a stopped process) the
+rest is a pause of the plant. A pause is worse: meanwhile the daemon's ticks run ahead of the plant's time, and it has
+given the commands of that time already."""
 
 Publish = Callable[[tuple[float, ...], int], None]
 

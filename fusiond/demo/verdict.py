@@ -18,7 +18,11 @@ from fusiond.recording.truth import Truth
 from fusiond.types import NANOSECONDS, TICK
 
 HOLDS_GOAL_M = 2.5e-3
-"""RMS distance from the goal once it is reached: the promise for seed 000 with a bias state."""
+"""RMS distance from the goal over the last ten seconds: the promise for seed 0 of the noise."""
+PROMISED_STAY_S = 10.0
+ANY_RUN_M = 8e-3
+"""The same for any other seed, and for a shorter stay. The noise alone puts one run in eight further off than 2.5 mm;
+of 400 seeds of either plant none was off by more than 3.9 mm over ten seconds, 6.5 mm over three."""
 REACHED_S = 15.0
 """From 2 m away the saturated loop is within a millimetre after this time."""
 SHORTEST_S = 3.0
@@ -56,11 +60,12 @@ class Verdict:
         return {"ok": self.ok, "checks": [check.json_object() for check in self.checks]}
 
 
-def goal_check(truth: Truth, goal_m: float) -> Check:
+def goal_check(truth: Truth, goal_m: float, seed: int) -> Check:
     """The true position over the last third, from when the goal can have been reached."""
     t_s = truth.t_ns / NANOSECONDS
-    begin_s = max(t_s[-1] * 2.0 / 3.0, REACHED_S)
-    stay_s = t_s[-1] - begin_s
+    end_s = float(t_s[-1])
+    begin_s = max(end_s - max(PROMISED_STAY_S, end_s / 3.0), REACHED_S)
+    stay_s = end_s - begin_s
     if stay_s < SHORTEST_S:
         return Check(
             "goal", None, f"run at least {REACHED_S + SHORTEST_S:g} s: reaching it takes {REACHED_S:g} s"
@@ -68,8 +73,9 @@ def goal_check(truth: Truth, goal_m: float) -> Check:
     late = t_s >= begin_s
     position_m = truth.values[late, truth.names.index("position")]
     rms_m = math.sqrt(float(np.mean((position_m - goal_m) ** 2)))
-    text = f"{1e3 * rms_m:.2f} mm RMS from {goal_m:g} m over the last {stay_s:.1f} s (limit {1e3 * HOLDS_GOAL_M:g} mm)"
-    return Check("goal", rms_m <= HOLDS_GOAL_M, text)
+    limit_m = HOLDS_GOAL_M if seed == 0 and stay_s >= PROMISED_STAY_S else ANY_RUN_M
+    text = f"{1e3 * rms_m:.2f} mm RMS from {goal_m:g} m over the last {stay_s:.1f} s (limit {1e3 * limit_m:g} mm)"
+    return Check("goal", rms_m <= limit_m, text)
 
 
 def consistency_check(summary: Summary, dofs: Mapping[str, int]) -> Check:

@@ -109,13 +109,14 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     """What must not be rolled back: clocks of arrival, the ring's marks, and the controller.
 
     ring_first: absolute number of the oldest reading in the ring; ring_count: readings in it.
-    newest_*: newest accepted reading.  odd_*: run of readings whose stamps disagree with that clock.
+    newest_*: newest accepted reading.  odd_*: run of readings that disagree with that clock, from odd_start_ns on.
     seq_top, seq_seen: highest sequence number of each sensor and which of the 64 up to it came (bit 0: the highest).
     """
     k, s = shape.controls, shape.sensors
     return record(
         ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
         ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
+        ("odd_start_ns", "<i8"),
         ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
         ("reference_t_ns", "<i8"), ("reference", "<f8", (shape.references,)), ("has_reference", "<i8"),
         ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)),
@@ -132,6 +133,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     (its stamps are this much later than what it measured), silence_ns (longest healthy silence, 0 never silent).
     heard: (s, f) whether filter f hears sensor s.   angle: (states,) whether a state is an angle, rad.
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
+    quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
     """
     n, s, m = shape.errors, shape.sensors, shape.payload
     return record(
@@ -144,6 +146,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("wraps", "<i4", (s, m)), ("drives", "<i4", (s, m)), ("hold", "<i4", (s,)), ("holds_value", "<i4", (s,)),
         ("heard", "<i4", (s, shape.filters)), ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)),
         ("step_ns", "<i8"), ("max_step_ns", "<i8"), ("horizon_ns", "<i8"), ("ahead_ns", "<i8"), ("resync", "<i8"),
+        ("quiet_ns", "<i8"),
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
         ("control_period_ns", "<i8"), ("c", "<f8", (shape.law_parameters,)), ("law_at", "<i8", (shape.slots,)),
     )  # fmt: skip

@@ -64,7 +64,7 @@ def add_congruence(F: Matrix, Q: Matrix, T: Matrix) -> None:
 
 @kernel
 def brief_integrals(A: Matrix, D: Matrix, h_s: float, F: Matrix, S: Matrix, Q: Matrix) -> None:
-    """F = exp(A h), S = int exp(A s) ds, Q = int exp(A s) D exp(A' s) ds over (0, h), by series; norm_bound(A) h <= 1/2.
+    """F = exp(A h), S = int exp(A s) ds, Q = int exp(A s) D exp(A' s) ds to s = h, by series; norm_bound(A) h <= 1/2.
 
     The terms of Q are M_0 = D h, M_k = (A M_(k-1) + M_(k-1) A') h / (k + 1).
     """

@@ -115,7 +115,7 @@ class Outputs:
         """Find out whose reports somebody listens to; called now and then, since asking Zenoh takes time."""
         self._asked = [i for i, publisher in enumerate(self._reports) if is_heard(publisher)]
 
-    def _estimate(self, raw: memoryview, k: int, t_ns: int, service: int, resets: int) -> None:
+    def _estimate(self, raw: bytes, k: int, t_ns: int, service: int, resets: int) -> None:
         goes_out = self._limit.passes(t_ns)
         goes_down = self._say is not None and self._record_hz > 0 and self._record_limit.passes(t_ns)
         if not (goes_out or goes_down):
@@ -133,7 +133,7 @@ class Outputs:
         if goes_down and self._say:
             self._say("estimate", dumps(message), t_ns)
 
-    def _control(self, raw: memoryview, k: int, t_ns: int, service: int) -> None:
+    def _control(self, raw: bytes, k: int, t_ns: int, service: int) -> None:
         valid, u = self._rows.command(raw, k)
         if self._update_ns is None:
             self._update_ns = t_ns  # counted from the start, as the engine does

@@ -47,15 +47,21 @@ def measured(readings: Any, k: int, design: Any, spare: Any) -> Any:
 
 
 @kernel
+def is_news(t_ns: int, last_ns: int, horizon_ns: int) -> bool:
+    """Whether a message replaces the last one: an older one does not, unless that one's clock must have been wrong."""
+    return t_ns >= last_ns or t_ns < last_ns - horizon_ns
+
+
+@kernel
 def accept(desk: Any, design: Any, reading: Any) -> None:
-    """Hand a reference or an acknowledgement to the controller; an older one than the last changes nothing."""
+    """Hand a reference or an acknowledgement to the controller; one that comes late changes nothing."""
     if design.role[reading.sensor] == REFERENCE:
-        if not desk.has_reference or reading.t_ns >= desk.reference_t_ns:
+        if not desk.has_reference or is_news(reading.t_ns, desk.reference_t_ns, design.horizon_ns):
             desk.has_reference = 1
             desk.reference_t_ns = reading.t_ns
             for i in range(reading.length):
                 desk.reference[i] = reading.z[i]
-    elif reading.t_ns >= desk.applied_t_ns:
+    elif is_news(reading.t_ns, desk.applied_t_ns, design.horizon_ns):
         desk.applied_t_ns = reading.t_ns
         for i in range(reading.length):
             desk.applied[i] = reading.z[i]

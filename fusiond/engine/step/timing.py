@@ -3,9 +3,10 @@
 Theory of operation. The newest accepted stamp, plus the arrival time that has passed since, is what the clock should
 show. A reading further ahead than `ahead_ns` or further behind than the horizon is odd and refused. One odd sensor
 among sound ones stays refused, since every sound reading ends the run. Only when `resync` odd readings in a row agree
-with each other, and (where arrivals are known) nothing sound has come for a horizon, has the whole time base jumped
-(a clock step, a recording that starts again); then, with arrivals, the state is carried to the new base with the time
-that really passed; without, a forward jump is a gap to be predicted over and a backward one a fresh start.
+with each other, and nothing sound has come for `quiet_ns` (by arrivals; where these are unknown, by the run's own
+stamps), has the whole time base jumped (a clock step, a recording that starts again); then, with arrivals, the state is
+carried to the new base with the time that really passed; without, a forward jump is a gap to be predicted over and a
+backward one a fresh start.
 """
 
 from __future__ import annotations
@@ -53,11 +54,14 @@ def time_jumped(desk: Any, design: Any, reading: Any) -> bool:
     """Count one more odd stamp; whether the run of them is now proof that time itself jumped."""
     step = reading.t_ns - desk.odd_t_ns
     agrees = desk.odd_count > 0 and -design.horizon_ns <= step <= design.ahead_ns
-    desk.odd_count = desk.odd_count + 1 if agrees else 1
+    if not agrees:
+        desk.odd_count = 0
+        desk.odd_start_ns = reading.t_ns
+    desk.odd_count += 1
     desk.odd_t_ns = reading.t_ns
     known = reading["flags"] & HAS_ARRIVAL and desk.has_arrival
-    quiet = not known or passed_ns(desk, reading) > max(design.horizon_ns, NANOSECONDS)
-    return bool(desk.odd_count >= design.resync and quiet)
+    silent_ns = passed_ns(desk, reading) if known else reading.t_ns - desk.odd_start_ns
+    return bool(desk.odd_count >= design.resync and silent_ns > design.quiet_ns)
 
 
 @kernel
