@@ -79,13 +79,34 @@ class InitialSection(Section):
 class FilterSection(Section):
     """How the state is estimated."""
 
-    recursion: Literal["ud"] = "ud"
+    recursion: Literal["ud", "conventional", "information", "seed"] = "ud"
+    """ud: factors U, d, compiled, positive semi-definite by construction. The others are seed 004's, in plain numpy:
+    conventional: its Model 1, P = (I - M C) P; information: its Model 2 without P^-1; seed: Model 2 as printed."""
+    guard: Literal["seed", "shift", "eigen_floor", "restore"] | None = None
+    """How a covariance found unsound is repaired; by default `seed` with the recursion seed, else eigen_floor."""
+    seed_diagonal: Literal["variance", "deviation", "identity_variance", "identity_deviation"] = "variance"
+    """Reading of the seed's repair |o_ii|: N(0, 1e-14) with that variance or that deviation, or N(0, 1e-4) likewise."""
+    random_seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of the random diagonals that the seed's repair adds."""
     leave_one_out: bool = True
     """Keep, beside the filter of all sensors, one filter for each that leaves it out."""
     local_filters: bool = True
     """Keep one filter for each sensor that can bear one, hearing it alone."""
     accept_unobservable: list[str] = []
     """States that may stay unobservable: dead reckoning knows its position only from where it started."""
+
+
+class FusionSection(Section):
+    """How several sensors become one state."""
+
+    topology: Literal[
+        "centralized", "stacked", "information", "seed_averaged",
+        "federated", "federated_reset", "information_sum", "covariance_intersection",
+    ] = "centralized"  # fmt: skip
+    """centralized: one reading after the other, compiled with recursion ud. The rest are plain numpy, without the
+    leave-one-out bank. Readings of one stamp together: stacked, information, seed_averaged (seed 004's mean gain,
+    which misreports its covariance). A local filter for each sensor: federated (never reset, never optimistic),
+    federated_reset and information_sum (both exact), covariance_intersection (estimates of unknown provenance)."""
 
 
 class HistorySection(Section):
@@ -210,6 +231,7 @@ class Config(Section):
     initial: InitialSection
     sensor: dict[Name, AnySensor]
     filter: FilterSection = FilterSection()
+    fusion: FusionSection = FusionSection()
     history: HistorySection = HistorySection()
     health: HealthSection = HealthSection()
     control: AnyControl | None = None
@@ -243,7 +265,7 @@ def _known_names() -> set[str]:
     """Every name that can stand before an equals sign."""
     sections: list[type[Section]] = [
         *_PROCESS_SECTIONS.values(), *_SENSOR_SECTIONS.values(), *_LAW_SECTIONS.values(), Config, InputSection,
-        InitialSection, FilterSection, HistorySection, HealthSection, ServiceSection, RecordingSection,
+        InitialSection, FilterSection, FusionSection, HistorySection, HealthSection, ServiceSection, RecordingSection,
     ]  # fmt: skip
     return {name for section in sections for name in section.model_fields}
 

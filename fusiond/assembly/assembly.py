@@ -15,10 +15,13 @@ from fusiond.assembly.jacobians import check_jacobians
 from fusiond.assembly.modules import require
 from fusiond.assembly.observability import require_observable
 from fusiond.assembly.package import import_package, source_of, step_sources, write_package
+from fusiond.assembly.plain import check_choices, plain_design, plain_sources
 from fusiond.assembly.resolve import Resolved, by_key, resolve
 from fusiond.config import Config, read
 from fusiond.engine.engine import Derive, Engine
 from fusiond.engine.layout import Layout
+from fusiond.engine.plain.running import running
+from fusiond.errors import ConfigError
 from fusiond.numerics.kernel import interpreted
 
 
@@ -41,7 +44,7 @@ class Assembly:
 
     @cached_property
     def package(self) -> ModuleType:
-        """The compiled step's module `run`, compiled on first use or loaded from the cache."""
+        """The step's module `run`: compiled on first use or loaded from the cache, or plain."""
         resolved = self.resolved
         names = _file_names(resolved)
         sensors = [
@@ -52,6 +55,8 @@ class Assembly:
         process = source_of(resolved.process_module)
         manifold = bool(resolved.process.errors)
         files = step_sources(self.layout.shape, process, resolved.process.linear, manifold, law, sensors)
+        if self.layout.plain:
+            files = plain_sources(self.config, files, linear=resolved.process.linear)
         return import_package(write_package(files))
 
     def key_of(self, name: str) -> str:
@@ -63,7 +68,8 @@ class Assembly:
 
     def engine(self) -> Engine:
         """A fresh engine, before its first reading."""
-        return Engine(self.layout, self.design, self._desk(), self.package.run, self._derive())
+        run = running(self.package.run) if self.layout.plain else self.package.run
+        return Engine(self.layout, self.design, self._desk(), run, self._derive())
 
     def _desk(self) -> NDArray[np.void]:
         """The first desk record: the configured reference."""
@@ -99,11 +105,17 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
     Args:
         folder: where the configuration lies; model files named in it are relative to it.
     """
+    check_choices(config)
     resolved = resolve(config, folder)
     layout = layout_of(resolved)
+    if layout.plain and resolved.process.errors:
+        raise ConfigError(
+            'filter.recursion: the state of this model is no vector; leave it at "ud", centralized'
+        )
     check_jacobians(resolved)
     require_observable(resolved)
-    return Assembly(resolved, layout, design_of(resolved, layout))
+    design = design_of(resolved, layout)
+    return Assembly(resolved, layout, plain_design(resolved, layout, design) if layout.plain else design)
 
 
 def load(path: Path) -> Assembly:

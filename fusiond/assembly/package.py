@@ -22,7 +22,7 @@ from types import ModuleType
 import numba
 import numpy as np
 
-from fusiond import numerics, types
+import fusiond
 from fusiond.engine import records, step
 from fusiond.engine.step import sizes
 
@@ -31,6 +31,8 @@ SWAPPED = (
     "inject_manifold.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
+ROOMS = ("numerics", "models", "filters", "fusion", "faults", "adapt", "control")
+"""Where the kernels live that a step calls."""
 
 
 def cache_folder() -> Path:
@@ -99,12 +101,19 @@ def step_sources(
     return files
 
 
+def shared_sources() -> dict[str, str]:
+    """Source text of everything a step may be compiled with beside its own files, by path below the project."""
+    root = Path(fusiond.__path__[0])
+    paths = [path for room in ROOMS for path in (root / room).rglob("*.py")]
+    shared = sorted([*paths, root / "types.py", root / "engine" / "records.py"])
+    return {path.relative_to(root).as_posix(): path.read_text(encoding="utf-8") for path in shared}
+
+
 def fingerprint(files: Mapping[str, str]) -> str:
     """Hash of a step's own files and of all they are compiled with."""
     versions = (platform.python_version(), numba.__version__, np.__version__, platform.machine())
-    shared = folder_sources(numerics) | {"types.py": source_of(types), "records.py": source_of(records)}
     digest = hashlib.sha256(repr(versions).encode())
-    for name, text in [*sorted(files.items()), *sorted(shared.items())]:
+    for name, text in [*sorted(files.items()), *sorted(shared_sources().items())]:
         digest.update(f"{name}\0{len(text)}\0{text}".encode())
     return digest.hexdigest()[:24]
 

@@ -64,6 +64,26 @@ class Trial:
         interpreted(module.transition)(x, u, dt_s, p, x_next, F, B)
         return x_next, F, B[:, :m]
 
+    def disturbance(self, x: Array, dt_s: float) -> Array:
+        """Q (n, n) of one interval, s, that of noisy inputs included."""
+        process, module = self.resolved.process, self.resolved.process_module
+        n, k, m = len(process.states), max(process.noises, 1), len(process.inputs)
+        p, G, q, B = (
+            np.array(process.parameters or (0.0,)),
+            np.zeros((n, k)),
+            np.zeros(k),
+            np.zeros((n, max(m, 1))),
+        )
+        if process.linear:
+            interpreted(module.discretise)(dt_s, p, np.zeros((n, n)), B, np.zeros(n), G, q)
+        else:
+            interpreted(module.noise)(x, dt_s, p, G, q)
+            B[:, :m] = self.move(x, np.zeros(m), dt_s)[2]
+        held = np.zeros(max(m, 1))
+        for sensor in self.resolved.sensors:
+            held[list(sensor.drives)] = np.diagonal(sensor.R)[: len(sensor.drives)]
+        return np.asarray((G * q) @ G.T + (B * held) @ B.T)
+
     def look(self, sensor: ResolvedSensor, x: Array, turn: int = 0) -> tuple[Array, Array]:
         """h (dof,) and H (dof, n) of an updating sensor; `turn` chooses among the indices it may carry."""
         model = sensor.model

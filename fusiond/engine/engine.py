@@ -89,9 +89,37 @@ class Engine:
 
     def covariance(self) -> NDArray[np.float64]:
         """The centralized covariance now, (n, n), of the errors."""
+        if self.layout.plain:
+            return np.array(self.track[0]["P"][0])
         U = np.triu(self.track[0]["U"][0], 1) + np.eye(self.layout.shape.errors)
         covariance: NDArray[np.float64] = (U * self.track[0]["d"][0]) @ U.T
         return covariance
+
+    @property
+    def repairs(self) -> int:
+        """Covariances repaired so far; the factors U, d never need it."""
+        return int(self.track[0]["repairs"]) if self.layout.plain else 0
+
+    def guard(self) -> dict[str, float]:
+        """What the guard of the covariance met so far; empty where the recursion needs none.
+
+        `repairs`, of which `unsound` were not enough; `largest`: the largest change, in the repaired standard
+        deviations; `condition`: the largest condition number of the correlations.
+        """
+        if not self.layout.plain:
+            return {}
+        track = self.track[0]
+        names = {
+            "repairs": "repairs",
+            "unsound": "unsound",
+            "largest": "repair_size",
+            "condition": "condition",
+        }
+        return {name: float(track[field]) for name, field in names.items()}
+
+    def honest_covariance(self) -> NDArray[np.float64] | None:
+        """True covariance (n, n) beside the one that seed 004's averaged gain reports; None with other topologies."""
+        return np.array(self.track[0]["honest"]) if self.layout.topology == "seed_averaged" else None
 
     def state_sha256(self) -> str:
         """Hash of the track record's bytes."""

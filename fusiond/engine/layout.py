@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from fusiond.engine.plain.records import plain_track_dtype
 from fusiond.engine.records import Shape, desk_dtype, reading_dtype, report_dtype, track_dtype
 from fusiond.types import Role, Slot
 
@@ -54,6 +55,7 @@ class Layout:
         filters: the bank, row by row.
         controls, references: numbers of a command, and of the reference it follows.
         outputs: what the process model derives from its state (`vx`, `vy`), in the order of `Engine.outputs`.
+        topology: how a plain step fuses (`fusiond.engine.plain`); empty where the step is compiled.
     """
 
     name: str
@@ -66,6 +68,12 @@ class Layout:
     sensors: tuple[SensorLayout, ...]
     filters: tuple[FilterLayout, ...]
     shape: Shape
+    topology: str = ""
+
+    @property
+    def plain(self) -> bool:
+        """Whether the track holds whole covariances, as the seeds' recursions and other topologies need."""
+        return bool(self.topology)
 
     @cached_property
     def reading(self) -> np.dtype[Any]:
@@ -80,7 +88,7 @@ class Layout:
     @cached_property
     def track(self) -> np.dtype[Any]:
         """dtype of the track."""
-        return track_dtype(self.shape)
+        return plain_track_dtype(self.shape) if self.plain else track_dtype(self.shape)
 
     @cached_property
     def desk(self) -> np.dtype[Any]:

@@ -122,7 +122,7 @@ def _added(P: Matrix, policy: str, before: Matrix, diagonal: Vector) -> Matrix:
         case "shift":
             s, values = deviations(P), np.linalg.eigvalsh(unit_free(P))
             largest = float(np.max(np.abs(values)))
-            return np.diag((FLOOR * largest + max(0.0, -float(values[0]))) * 2.0 * s * s)
+            return np.diag((2.0 * FLOOR * largest + max(0.0, -float(values[0]))) * s * s)
         case "eigen_floor":
             return _raised(P)
         case "restore":

@@ -1,9 +1,9 @@
 """What the sensors of seed 002's car make of its motion, with the noise of the seed's table I.
 
-    applied        1 kHz   four wheel forces, 5 % noise, and the steering, exact (the seed gives it no noise)
-    imu            1 kHz   specific forces averaged over the millisecond that ends at the stamp, and yaw rate
-    gps             10 Hz  speed, course, position
-    magnetometer    10 Hz  yaw
+applied        1 kHz   four wheel forces, 5 % noise, and the steering, exact (the seed gives it no noise)
+imu            1 kHz   specific forces averaged over the millisecond that ends at the stamp, and yaw rate
+gps             10 Hz  speed, course, position
+magnetometer    10 Hz  yaw
 """
 
 from __future__ import annotations

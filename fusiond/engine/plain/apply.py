@@ -1,0 +1,51 @@
+"""What one reading, in its place in time, does to the track of a plain step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fusiond.engine.step.apply import drive, repeats
+from fusiond.numerics.ud import ud_compose
+from fusiond.types import Role, Verdict
+
+from .correct import correct
+from .sizes import FILTERS
+
+INPUT = int(Role.INPUT)
+USED = int(Verdict.USED)
+HELD = int(Verdict.HELD)
+
+
+def start(track: Any, design: Any, t_ns: int) -> None:
+    """Begin at the first reading's stamp, with the configured initial state; a local filter with its share of it."""
+    track.started = 1
+    track.start_ns = track.t_ns = track.update_ns = t_ns
+    track.filter_t_ns[:] = t_ns
+    ud_compose(design.U0, design.d0, track.honest)
+    for row in range(FILTERS):
+        track.x[row] = design.x0
+        track.P[row] = track.honest / design.share[row]
+    track.batch_size = 0
+    track.sensor_seen[:] = 0
+    track.sensor_t_ns[:] = t_ns
+
+
+def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
+    """Apply one screened reading, no older than the last one applied. Writes report.verdict, nu, S, R_*, e, nis."""
+    sensor = reading.sensor
+    if not track.started:
+        start(track, design, reading.t_ns)
+    track.t_ns = reading.t_ns
+    track.sensor_t_ns[sensor] = reading.t_ns
+    if repeats(track, design, reading):
+        report.verdict = HELD
+        return
+    report.verdict = USED
+    if design.role[sensor] == INPUT:
+        drive(track, design, work, reading, report)
+    else:
+        correct(track, design, work, reading, report)
+        track.update_ns = reading.t_ns
+    track.sensor_seen[sensor] = 1
+    length = design.length[sensor]
+    track.sensor_z[sensor, :length] = reading.z[:length]

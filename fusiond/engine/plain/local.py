@@ -1,0 +1,35 @@
+"""Decentralized topologies: one local filter for each sensor, row 0 fused from them.
+
+`federated`, `federated_reset`, `information_sum`, `covariance_intersection`. `assembly` copies this file as
+`correct.py`, and `predict_local.py` beside it as `predict.py`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fusiond.fusion.information_sum import absorb
+
+from .circle import wrap
+from .looking import describe, look
+from .master import merge_rows, restart_locals
+from .predict import predict
+from .recursion import condition, guarded
+from .sizes import TOPOLOGY
+
+
+def correct(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
+    """Predict every filter to the reading, condition its sensor's own, and fuse. Writes x and P of all rows."""
+    predict(track, design, work, 0, reading.t_ns)
+    describe(look(track, design, work, 0, reading), track.P[0], work, report)
+    row = design.local[reading.sensor]
+    seen, x_before = look(track, design, work, row, reading), track.x[row].copy()
+    x, P = condition(track, design, track.x[row], track.P[row], seen)
+    track.x[row], track.P[row] = wrap(design, x), P
+    if TOPOLOGY == "information_sum":
+        x, P = absorb(track.x[0], track.P[0], x_before, seen)
+        track.x[0], track.P[0] = wrap(design, x), guarded(track, design, P, track.P[0])
+        return
+    merge_rows(track, design)
+    if TOPOLOGY == "federated_reset":
+        restart_locals(track, design)
