@@ -269,6 +269,8 @@ def _known_names() -> set[str]:
 def nearest(word: str, known: Iterable[str]) -> str:
     """`; did you mean ...?` for a misspelt word, or what there is to choose from."""
     choices = sorted(known)
+    if not choices:
+        return "there is none to name"
     near = difflib.get_close_matches(word, choices, 1, 0.6)
     return f"did you mean `{near[0]}`?" if near else f"choose from {', '.join(choices)}"
 
@@ -282,7 +284,8 @@ def _explain(error: Mapping[str, Any]) -> str:
     )
     match error["type"]:
         case "extra_forbidden":
-            near = difflib.get_close_matches(path[-1], sorted(_known_names()), 1, 0.6)
+            known = set(Config.model_fields) if len(path) == 1 else _known_names()
+            near = difflib.get_close_matches(path[-1], sorted(known), 1, 0.6)
             hint = (
                 f"did you mean `{near[0]}`?"
                 if near
@@ -294,9 +297,11 @@ def _explain(error: Mapping[str, Any]) -> str:
         case "union_tag_invalid" | "union_tag_not_found":
             given = error.get("ctx", {}).get("tag", "nothing")
             kinds = {"model": [*_PROCESS_SECTIONS], "sensor": [*_SENSOR_SECTIONS, "input"]}
-            return (
-                f"{subject}: no kind `{given}`; {nearest(str(given), kinds.get(path[0], [*_LAW_SECTIONS]))}"
-            )
+            choices = kinds.get(path[0], [*_LAW_SECTIONS])
+            if given == "None":
+                tag = "kind" if path[0] in kinds else "law"
+                return f"{subject}: `{tag}` is missing; choose from {', '.join(sorted(choices))}"
+            return f"{subject}: no kind `{given}`; {nearest(str(given), choices)}"
         case _:
             return f"{subject}: {error['msg']}, got {error['input']!r}"
 
