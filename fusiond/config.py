@@ -61,6 +61,7 @@ class InputSection(SensorSection):
     """A sensor that drives the prediction instead of correcting it."""
 
     kind: Literal["input"]
+    """Makes it an input."""
     drives: list[str]
     """Inputs of the process model that its numbers set, in order."""
     hold: Literal["next", "previous"] = "next"
@@ -71,7 +72,9 @@ class InitialSection(Section):
     """The state before the first reading, by state name with unit."""
 
     state: Numbers = {}
+    """Its mean; what is not named starts at 0."""
     std: dict[str, NotNegative]
+    """Its standard deviation, of every state: 0 where it is known."""
 
 
 class FilterSection(Section):
@@ -138,9 +141,13 @@ class ServiceSection(Section):
     """How the daemon meets the network. Loopback only, and no multicast, unless told otherwise."""
 
     mode: Literal["peer", "client", "router"] = "peer"
+    """Its part in the Zenoh network; a client needs something to connect to."""
     listen: list[str] = ["tcp/127.0.0.1:7447"]
+    """Endpoints where sensors and asking commands connect; port 0 picks a free one."""
     connect: list[str] = []
+    """Endpoints of routers or peers to connect to."""
     multicast: bool = False
+    """Look for peers, and be found, by multicast."""
     publish_hz: Positive = 50.0
     """Highest rate of `estimate`."""
     format: Literal["json", "record"] = "json"
@@ -180,6 +187,7 @@ class UserModelSection(ModelSection):
 
     model_config = ConfigDict(extra="allow")
     file: str
+    """Path of the Python file, relative to the configuration."""
 
 
 class UserSensorSection(SensorSection):
@@ -187,6 +195,7 @@ class UserSensorSection(SensorSection):
 
     model_config = ConfigDict(extra="allow")
     file: str
+    """Path of the Python file, relative to the configuration."""
 
 
 _PROCESS_SECTIONS = {kind: _section(ModelSection, "kind", kind, module) for kind, module in PROCESSES.items()}
@@ -224,13 +233,16 @@ class Config(Section):
     namespace: str | None = None
     """Prefix of every key; by default fusiond/NAME."""
     model: AnyModel
+    """The process model: a built-in kind, or a file of your own."""
     initial: InitialSection
     sensor: dict[Name, AnySensor]
+    """Every sensor by its name: a built-in kind, an input, or a file of your own."""
     filter: FilterSection = FilterSection()
     fusion: FusionSection = FusionSection()
     history: HistorySection = HistorySection()
     health: HealthSection = HealthSection()
     control: AnyControl | None = None
+    """The control law; without it nothing is commanded."""
     service: ServiceSection = ServiceSection()
     recording: RecordingSection = RecordingSection()
 
