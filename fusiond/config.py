@@ -63,6 +63,7 @@ class InputSection(SensorSection):
     """A sensor that drives the prediction instead of correcting it."""
 
     kind: Literal["input"]
+    """Makes it an input."""
     drives: list[str]
     """Inputs of the process model that its numbers set, in order."""
     hold: Literal["next", "previous"] = "next"
@@ -73,7 +74,9 @@ class InitialSection(Section):
     """The state before the first reading, by state name with unit."""
 
     state: Numbers = {}
+    """Its mean; what is not named starts at 0."""
     std: dict[str, NotNegative]
+    """Its standard deviation, of every state: 0 where it is known."""
 
 
 class FilterSection(Section):
@@ -142,9 +145,13 @@ class ServiceSection(Section):
     """How the daemon meets the network. Loopback only, and no multicast, unless told otherwise."""
 
     mode: Literal["peer", "client", "router"] = "peer"
+    """Its part in the Zenoh network; a client needs something to connect to."""
     listen: list[str] = ["tcp/127.0.0.1:7447"]
+    """Endpoints where sensors and asking commands connect; port 0 picks a free one."""
     connect: list[str] = []
+    """Endpoints of routers or peers to connect to."""
     multicast: bool = False
+    """Look for peers, and be found, by multicast."""
     publish_hz: Positive = 50.0
     """Highest rate of `estimate`."""
     format: Literal["json", "record"] = "json"
@@ -184,6 +191,7 @@ class UserModelSection(ModelSection):
 
     model_config = ConfigDict(extra="allow")
     file: str
+    """Path of the Python file, relative to the configuration."""
 
 
 class UserSensorSection(SensorSection):
@@ -191,6 +199,7 @@ class UserSensorSection(SensorSection):
 
     model_config = ConfigDict(extra="allow")
     file: str
+    """Path of the Python file, relative to the configuration."""
 
 
 _PROCESS_SECTIONS = {kind: _section(ModelSection, "kind", kind, module) for kind, module in PROCESSES.items()}
@@ -228,13 +237,16 @@ class Config(Section):
     namespace: str | None = None
     """Prefix of every key; by default fusiond/NAME."""
     model: AnyModel
+    """The process model: a built-in kind, or a file of your own."""
     initial: InitialSection
     sensor: dict[Name, AnySensor]
+    """Every sensor by its name: a built-in kind, an input, or a file of your own."""
     filter: FilterSection = FilterSection()
     fusion: FusionSection = FusionSection()
     history: HistorySection = HistorySection()
     health: HealthSection = HealthSection()
     control: AnyControl | None = None
+    """The control law; without it nothing is commanded."""
     service: ServiceSection = ServiceSection()
     recording: RecordingSection = RecordingSection()
 
@@ -273,6 +285,8 @@ def _known_names() -> set[str]:
 def nearest(word: str, known: Iterable[str]) -> str:
     """`; did you mean ...?` for a misspelt word, or what there is to choose from."""
     choices = sorted(known)
+    if not choices:
+        return "there is none to name"
     near = difflib.get_close_matches(word, choices, 1, 0.6)
     return f"did you mean `{near[0]}`?" if near else f"choose from {', '.join(choices)}"
 
@@ -286,7 +300,8 @@ def _explain(error: Mapping[str, Any]) -> str:
     )
     match error["type"]:
         case "extra_forbidden":
-            near = difflib.get_close_matches(path[-1], sorted(_known_names()), 1, 0.6)
+            known = set(Config.model_fields) if len(path) == 1 else _known_names()
+            near = difflib.get_close_matches(path[-1], sorted(known), 1, 0.6)
             hint = (
                 f"did you mean `{near[0]}`?"
                 if near
@@ -298,9 +313,11 @@ def _explain(error: Mapping[str, Any]) -> str:
         case "union_tag_invalid" | "union_tag_not_found":
             given = error.get("ctx", {}).get("tag", "nothing")
             kinds = {"model": [*_PROCESS_SECTIONS], "sensor": [*_SENSOR_SECTIONS, "input"]}
-            return (
-                f"{subject}: no kind `{given}`; {nearest(str(given), kinds.get(path[0], [*_LAW_SECTIONS]))}"
-            )
+            choices = kinds.get(path[0], [*_LAW_SECTIONS])
+            if given == "None":
+                tag = "kind" if path[0] in kinds else "law"
+                return f"{subject}: `{tag}` is missing; choose from {', '.join(sorted(choices))}"
+            return f"{subject}: no kind `{given}`; {nearest(str(given), choices)}"
         case _:
             return f"{subject}: {error['msg']}, got {error['input']!r}"
 

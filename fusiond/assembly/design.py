@@ -133,7 +133,13 @@ def _sensor(resolved: Resolved, number: int, record: np.record) -> None:
     valid = by_key(section.valid, model.channels, f"sensor.{sensor.name}.valid") if section else {}
     for i, slot in enumerate(model.channels):
         if slot.name in valid:
-            record["lower"][number, i], record["upper"][number, i] = valid[slot.name]
+            lowest, highest = valid[slot.name]
+            if not lowest < highest:
+                raise ConfigError(
+                    f"sensor.{sensor.name}.valid.{slot.key}: nothing lies from {lowest} to {highest}; "
+                    f"write [lowest, highest]"
+                )
+            record["lower"][number, i], record["upper"][number, i] = lowest, highest
         record["wraps"][number, i] = slot.name in model.wraps
     places = {slot.name: place for place, slot in enumerate(resolved.process.states)}
     record["at"][number] = -1

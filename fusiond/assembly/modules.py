@@ -69,6 +69,7 @@ def described(
     try:
         return module.describe(*arguments, **parameters)
     except ConfigError as error:
-        raise ConfigError(f"{subject}.{error}") from error
+        joint = "." if str(error).partition(":")[0] in wanted else ": "
+        raise ConfigError(f"{subject}{joint}{error}") from error
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{subject}: the model file refuses its parameters ({error})") from error

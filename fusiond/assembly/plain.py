@@ -104,7 +104,7 @@ def _told(trial: Trial, sensor: ResolvedSensor, x: NDArray[np.float64], P: NDArr
 
 
 def plain_design(resolved: Resolved, layout: Layout, design: NDArray[np.void]) -> NDArray[np.void]:
-    """(1,) the compiled step's tables with those of a plain step: rows and shares of local filters, random diagonals."""
+    """(1,) the compiled step's tables, with rows and shares of local filters and the random diagonals."""
     record = np.zeros(1, plain_design_dtype(layout.shape))
     for name in design.dtype.names or ():
         record[name] = design[name]
@@ -130,22 +130,23 @@ def plain_sources(config: Config, files: Mapping[str, str], *, linear: bool) -> 
     template, own, topology = folder_sources(step), folder_sources(plain), config.fusion.topology
     chosen = {name: own[name] for name in ALWAYS}
     chosen["advance.py"] = own["advance_linear.py" if linear else "advance_nonlinear.py"]
+    chosen["correct.py"] = own["correct.py"]
     if topology in LOCAL:
         chosen |= {
             "correct.py": own["local.py"],
-            "predict.py": own["predict_local.py"],
+            "predict.py": own["predict.py"],
             "master.py": own["master.py"],
         }
-    else:
-        chosen["correct.py"] = own["batch.py" if topology in BATCH else "central.py"]
+    elif topology in BATCH:
+        chosen["correct.py"] = own["batch.py"]
     behind = {f"step_{name}": files[name] for name in files if name in chosen and name != "advance.py"}
     if linear:
         behind["step_advance.py"] = template["advance.py"]
     told = {"RECURSION": config.filter.recursion, "TOPOLOGY": topology, "POLICY": policy_of(config)}
-    sizes = files["sizes.py"] + "".join(f"{name} = {value!r}\n" for name, value in told.items())
+    chosen["choices.py"] = "".join(f"{name} = {value!r}\n" for name, value in told.items())
     beside = folder_sources(numerics) | {"kernel.py": own["kernel.py"]}
     del beside["__init__.py"]
-    whole = {**beside, **files, **behind, **chosen, "sizes.py": sizes}
+    whole = {**beside, **files, **behind, **chosen}
     return {name: _neighbourly(text, whole) for name, text in whole.items()}
 
 

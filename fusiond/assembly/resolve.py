@@ -93,6 +93,8 @@ def _noise(section: SensorSection, channels: tuple[Slot, ...], subject: str) -> 
 def _input(name: str, section: InputSection, process: Process) -> ResolvedSensor:
     """A sensor that drives the prediction."""
     subject = f"sensor.{name}"
+    if not section.drives:
+        raise ConfigError(f"{subject}.drives: names no input; name what its numbers set, or drop the sensor")
     known = {slot.name: number for number, slot in enumerate(process.inputs)}
     for driven in section.drives:
         if driven not in known:
@@ -173,6 +175,7 @@ def resolve(config: Config, folder: Path) -> Resolved:
         chosen: Any = config.control
         law_module = LAWS[chosen.law]
         law = described(law_module, (process,), parameters(chosen, "control"), "control")
+        by_key(config.control.reference, law.references, "control.reference")
     sensors = _controller_sensors(law, config.sensor)
     for name, section in config.sensor.items():
         if isinstance(section, InputSection):

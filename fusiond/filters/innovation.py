@@ -31,6 +31,6 @@ def right_divide(numerator: Matrix, S: Matrix) -> Matrix:
         numerator: (k, m).   S: (m, m).
     """
     try:
-        return np.linalg.solve(S, numerator.T).T
+        return np.asarray(np.linalg.solve(S, numerator.T).T, dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.asarray(numerator @ np.linalg.pinv(S, hermitian=True))

@@ -109,6 +109,8 @@ class Run:
             resets=int(self._engine.track["resets"][0]),
             output_sha256=self._digest.hexdigest(),
             state_sha256=self._engine.state_sha256(),
+            repairs=self._engine.repairs,
+            guard=self._engine.guard(),
             warnings=[
                 *(refusals.messages() if refusals else []),
                 *(f"truth: the model has no {name}; that column was not compared" for name in unused),

@@ -47,6 +47,7 @@ class Summary:
         nees_mean: mean of e' P^-1 e over the states that truth has; expected value `nees_dof`, their number.
         refused: by reason, what the engine refused and what never became a reading.
         repairs: covariances that had to be repaired; the UD recursion needs none.
+        guard: what the guard of the covariance met (`Engine.guard`); empty with a compiled step.
     """
 
     readings: int
@@ -62,6 +63,7 @@ class Summary:
     output_sha256: str
     state_sha256: str
     repairs: int = 0
+    guard: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
     def json_object(self) -> dict[str, Any]:
@@ -76,6 +78,7 @@ class Summary:
             "refused": self.refused,
             "resets": self.resets,
             "repairs": self.repairs,
+            **({"guard": self.guard} if self.guard else {}),
             "warnings": self.warnings,
             "output_sha256": self.output_sha256,
             "state_sha256": self.state_sha256,

@@ -91,10 +91,11 @@ class Admin:
             except Exception as error:
                 question.answer.set_exception(error)
 
-    def close(self, timeout_s: float = 0.5) -> None:
-        """End the thread; call it after the session is closed."""
+    def close(self, timeout_s: float) -> bool:
+        """End the thread, after its session was closed. False where it did not."""
         self._queries.put(None)
         self._thread.join(timeout_s)
+        return not self._thread.is_alive()
 
     def _take(self, query: zenoh.Query) -> None:
         if self._queries.qsize() < MOST_WAITING:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol
@@ -16,7 +16,7 @@ from fusiond.service.admin import Admin
 from fusiond.service.clock import Clock
 from fusiond.service.counters import Counters
 from fusiond.service.health_watch import HealthWatch, Transition
-from fusiond.service.intake import IGNORED, Intake
+from fusiond.service.intake import Intake
 from fusiond.service.mailbox import Arrival, Mailbox
 from fusiond.service.notify import Notifier
 from fusiond.service.outputs import Outputs
@@ -24,7 +24,7 @@ from fusiond.service.sessions import Sessions, open_sessions
 from fusiond.service.settings import Settings, settings_of
 from fusiond.service.status import configuration, status
 from fusiond.service.telemetry import Voice
-from fusiond.service.wire import Decoder
+from fusiond.service.wire import Decoder, take
 from fusiond.types import RESET, TICK, Health
 
 HOUSEKEEPING_NS = 1_000_000_000
@@ -68,10 +68,12 @@ class Daemon:
         self._recorder = recorder
         self._notifier = notifier or Notifier()
         self._stopping = False
+        self.preparing = False
         self._failure: Exception | None = None
         self._bell: SimpleQueue[None] = SimpleQueue()
         self.mailbox = Mailbox(self.settings.ring, self._work)
         self._opened: Sessions | None = None
+        self._threads_end: list[Callable[[float], bool]] = []
 
     def stop(self) -> None:
         """End the loop after the round it is in; allowed in a signal handler, as `SimpleQueue.put` is."""
@@ -88,9 +90,11 @@ class Daemon:
         Raises: ConnectionFailed.
         """
         settings, layout = self.settings, self.assembly.layout
+        self.preparing = True
         # One reading through an engine that is thrown away: the step is compiled, or loaded, before anybody waits.
         self.assembly.engine().process(np.zeros(1, layout.reading))
         self.engine = self.assembly.engine()
+        self.preparing = False
         self.started_ns = self.clock.now_ns()
         self.epoch = self.started_ns // 1_000_000
         self._decoder, self._counters, self._watch = Decoder(layout), Counters(layout), HealthWatch(layout)
@@ -122,8 +126,8 @@ class Daemon:
             return True
         with self.mailbox.baton:
             self._opened.close()
-        self._admin.close(JOIN_S)
-        return self._intake.join(JOIN_S)
+        ended = [end(JOIN_S) for end in self._threads_end]
+        return all(ended)
 
     def round(self) -> None:
         """Wait for the next deadline or the bell; then, with the baton, answer, let time pass, keep house."""
@@ -151,15 +155,13 @@ class Daemon:
         )  # fmt: skip
         answers = {"status": self._status, "config": self._config, "command/reset": self._reset}
         self._admin = Admin(self.sessions.admin, settings.prefix, answers, self._wake)
-        self._intake = Intake(
-            self.sessions.sensors,
-            layout,
-            settings.prefix,
-            settings.keys,
-            settings.ring,
-            self.mailbox,
-            self.clock,
-        )
+        self._threads_end.append(self._admin.close)
+        with self.mailbox.baton:  # nobody works before all is there
+            self._intake = Intake(
+                self.sessions.sensors, layout, settings.prefix, settings.keys, settings.ring, self.mailbox,
+                self.clock,
+            )  # fmt: skip
+        self._threads_end.append(self._intake.join)
         self._token: zenoh.LivelinessToken = self.sessions.control.liveliness().declare_token(
             f"{settings.prefix}/alive/fusion/{self.sessions.control.zid()}"
         )
@@ -176,13 +178,7 @@ class Daemon:
             self.stop()
 
     def _take(self, arrivals: list[Arrival]) -> None:
-        decoder, sensor_of = self._decoder, self._intake.sensor_of
-        decoder.begin()
-        for arrival_ns, route, sample in arrivals:
-            sensor = sensor_of(route, sample)
-            if sensor != IGNORED:
-                decoder.add(sensor, arrival_ns, str(sample.encoding), sample.payload.to_bytes())
-        readings = decoder.readings()
+        readings = take(arrivals, self._intake.sensor_of, self._decoder)
         if len(readings):
             reports = self._process(readings)
             self._counters.note(readings, reports)

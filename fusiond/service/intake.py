@@ -13,12 +13,10 @@ import zenoh
 from fusiond.engine.layout import Layout
 from fusiond.service.clock import Clock
 from fusiond.service.mailbox import Mailbox
-from fusiond.service.wire import UNKNOWN
+from fusiond.service.wire import IGNORED, UNKNOWN
 
 AT_ONCE = 256
 """Samples taken from a ring before the work on them begins."""
-IGNORED = -3
-"""Route of a key that another subscription already delivers."""
 
 
 class Intake:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gc
-import signal
-import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,9 +12,11 @@ import structlog
 from fusiond.recording.background import BackgroundWriter
 from fusiond.recording.mcap_writer import McapWriter
 from fusiond.service.daemon import Daemon
-from fusiond.service.telemetry import Voice
+from fusiond.service.signals import Interrupted, stopping_on_signals
+from fusiond.service.telemetry import Voice, set_up
 
-SIGNALS = (signal.SIGTERM, signal.SIGINT)
+RECORD_S = 0.6
+"""Time the recording has to finish: a stop takes less than a second in all."""
 
 
 def serve(
@@ -32,32 +32,30 @@ def serve(
     Returns: the exit status: 0, or 1 where the recording is not complete.
     Raises: ConnectionFailed, LogError.
     """
+    set_up()
     voice = Voice(structlog.get_logger("fusiond"))
     recorder = None if record is None else BackgroundWriter(McapWriter(record, assembly.layout, config_text))
     daemon = Daemon(assembly, listen=listen, connect=connect, recorder=recorder, voice=voice)
-    before = _catch_signals(daemon.stop)
     whole = True
-    try:
-        on_ready(daemon.startup())
-        # What exists now lives as long as the daemon: no collection need look at it again.
-        gc.collect()
-        gc.freeze()
-        daemon.main_loop()
-    finally:
-        ended = daemon.shutdown()
-        if recorder is not None:
-            whole = recorder.close(timeout_s=0.6)
-            if not whole:
-                voice.error(f"recording {record}: not complete, dropped {recorder.dropped} {recorder.error}")
-        if not ended:
-            voice.error("shutdown: a reader thread did not end; the process ends without it")
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    with stopping_on_signals(daemon.stop, lambda: daemon.preparing):
+        try:
+            on_ready(daemon.startup())
+            # What exists now lives as long as the daemon: no collection need look at it again.
+            gc.collect()
+            gc.freeze()
+            daemon.main_loop()
+        except Interrupted:
+            voice.info("stopped before it was ready")
+        finally:
+            whole = _end(daemon, recorder, voice)
     return 0 if whole else 1
 
 
-def _catch_signals(stop: Callable[[], None]) -> dict[int, Any]:
-    """Let SIGTERM and SIGINT set a flag; returns the handlers before. Elsewhere than in the main thread, nothing."""
-    if threading.current_thread() is not threading.main_thread():
-        return {}
-    return {number: signal.signal(number, lambda *_: stop()) for number in SIGNALS}
+def _end(daemon: Daemon, recorder: BackgroundWriter | None, voice: Voice) -> bool:
+    """Close everything; whether the recording, if any, is complete."""
+    if not daemon.shutdown():
+        voice.error("shutdown: a reader thread did not end; the process ends without it")
+    if recorder is None or recorder.close(timeout_s=RECORD_S):
+        return True
+    voice.error(f"recording: not complete, dropped {recorder.dropped} {recorder.error}")
+    return False

@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import zenoh
+
 from fusiond.engine.layout import Layout
+from fusiond.errors import ConfigError
 from fusiond.types import Role
 
 RESERVED = {Role.REFERENCE: "reference", Role.APPLIED: "applied"}
@@ -56,11 +59,23 @@ def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Seq
 
 
 def key_of(config: Any, name: str, role: Role) -> str:
-    """Key expression a sensor publishes on."""
+    """Key expression a sensor publishes on. Raises: ConfigError where Zenoh has none of that form."""
     section = config.sensor.get(name)
     if section is not None and section.key:
-        return str(section.key)
-    return f"{config.prefix}/{RESERVED[role]}" if role in RESERVED else f"{config.prefix}/sensor/{name}"
+        return checked(str(section.key), f"sensor.{name}.key")
+    own = RESERVED.get(role, f"sensor/{name}")
+    return checked(f"{config.prefix}/{own}", "namespace")
+
+
+def checked(key: str, subject: str) -> str:
+    """A key expression in its canonical form. Raises: ConfigError."""
+    try:
+        return str(zenoh.KeyExpr.autocanonize(key))
+    except zenoh.ZError as error:
+        raise ConfigError(
+            f"{subject}: `{key}` is no key expression; write chunks between single slashes, none at either end, "
+            "with * or ** only as whole chunks"
+        ) from error
 
 
 def silences(config: Any) -> dict[str, float]:

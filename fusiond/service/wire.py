@@ -5,6 +5,7 @@ Nothing a sensor sends raises here: what is no reading is counted by reason, per
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from numpy.typing import NDArray
@@ -20,7 +21,9 @@ TEXT_ENCODINGS = ("application/json", "text/json", "text/plain", "zenoh/string",
 MOST_BYTES = 1 << 20
 """Longest put that is looked at: 1 MiB, some 25,000 records of two numbers."""
 UNKNOWN = -2
-"""Route of a key under the sensors' prefix that belongs to no configured sensor."""
+"""Number of a key under the sensors' prefix that belongs to no configured sensor."""
+IGNORED = -3
+"""Number of a key that another subscription already delivers."""
 
 
 class Decoder:
@@ -85,3 +88,20 @@ class Decoder:
         self.refusals.add(verdict, f"sensor {self.layout.sensors[sensor].name}")
         counts = self.refused_by_sensor[sensor]
         counts[verdict.label] = counts.get(verdict.label, 0) + 1
+
+
+def take(
+    arrivals: Iterable[tuple[int, int, Any]], sensor_of: Callable[[int, Any], int], decoder: Decoder
+) -> NDArray[Any]:
+    """The readings of arrivals, in their order; valid until the next call.
+
+    Args:
+        arrivals: arrival in ns, route, Zenoh sample.
+        sensor_of: sensor number, UNKNOWN or IGNORED of (route, sample).
+    """
+    decoder.begin()
+    for arrival_ns, route, sample in arrivals:
+        sensor = sensor_of(route, sample)
+        if sensor != IGNORED:
+            decoder.add(sensor, arrival_ns, str(sample.encoding), sample.payload.to_bytes())
+    return decoder.readings()

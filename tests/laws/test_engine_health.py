@@ -1,4 +1,4 @@
-"""What the age of data does: silence, dead reckoning, invalidity, and commands on their grid; limits from both sides."""
+"""What the age of data does: silence, dead reckoning, invalidity; and commands on their grid."""
 
 from __future__ import annotations
 

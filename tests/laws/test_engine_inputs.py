@@ -40,7 +40,7 @@ def wall_robot(hold):
 
 
 def drive_to_the_wall(hold, seed):
-    """The seed's run of 101 samples through the engine: estimates, readings z and u; u[i] is the speed over (i-1, i)."""
+    """The seed's 101 samples through the engine: estimates, readings z and u; u[i] is the speed over (i-1, i)."""
     rng = np.random.default_rng(seed)
     t = 0.1 * np.arange(101)
     x = 0.05 * t * np.cos(2.0 * t)
@@ -66,7 +66,7 @@ def test_a_speed_describes_the_interval_that_its_hold_says(hold, lag):
         x, P = x + K * (z[i] - x), (1.0 - K) * P
         assert estimates[i] == pytest.approx(x, abs=1e-12)
     assert engine.covariance()[0, 0] == pytest.approx(4.3246e-4, rel=1e-4)
-    assert K == pytest.approx(0.48051, rel=1e-4)
+    assert pytest.approx(0.48051, rel=1e-4) == K
 
 
 def test_an_input_holds_until_the_next_one():
@@ -196,7 +196,7 @@ def test_pieces_end_on_the_arc():
 
 
 def test_a_heading_is_compared_on_the_circle():
-    """A reading of -3.1 beside an estimate of 3.1 is 0.083 rad off, not -6.2; the estimate moves by its share of that."""
+    """A reading of -3.1 beside an estimate of 3.1 is 0.083 rad off, not -6.2; the estimate moves by its share."""
     engine = robot()
     first = one(engine, "compass", SECOND, [3.1])
     report = one(engine, "compass", SECOND, [-3.1])

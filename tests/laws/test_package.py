@@ -77,7 +77,8 @@ for edited in [None, *sys.argv[1:]]:
     readings["t_ns"], readings["length"], readings["z"] = [[0, 1_000_000_000], 1, [[10.0], [10.0]]]
     report = engine.process(readings)[1]
     stats = assembly.package.run.stats
-    told.append({"nu": float(report["nu"][0]), "S": float(report["S"][0]), "folder": Path(assembly.package.__file__).parent.name,
+    told.append({"nu": float(report["nu"][0]), "S": float(report["S"][0]),
+                 "folder": Path(assembly.package.__file__).parent.name,
                  "hits": sum(stats.cache_hits.values()), "misses": sum(stats.cache_misses.values())})
 print(json.dumps(told))
 """

@@ -28,6 +28,11 @@ LAYOUT = layout_of("gps", "imu")
 class ScriptedEngine:
     """Answers every reading with the report that stands at its place in a script."""
 
+    repairs = 0
+
+    def guard(self):
+        return {}
+
     def __init__(self, script, covariances):
         self.layout = dataclasses.replace(LAYOUT)
         self.track = np.zeros(1, self.layout.track)

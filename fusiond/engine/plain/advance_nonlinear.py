@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from fusiond.engine.step.process import noise, transition
+from fusiond.engine.step.process import (  # type: ignore[attr-defined] # the template's model is linear
+    noise,
+    transition,
+)
 
 from .spread import spread
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from fusiond.engine.step.apply import drive, repeats
+from fusiond.engine.step.sizes import FILTERS
 from fusiond.numerics.ud import ud_compose
 from fusiond.types import Role, Verdict
 
 from .correct import correct
-from .sizes import FILTERS
 
 INPUT = int(Role.INPUT)
 USED = int(Verdict.USED)

@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from fusiond.engine.step.predict import predict
 from fusiond.filters.information import update_together
 from fusiond.filters.innovation import Innovation
 from fusiond.fusion.centralized import stacked, update_averaged
 
+from .choices import TOPOLOGY
 from .circle import wrap
 from .looking import describe, look
-from .predict import predict
 from .recursion import condition, guarded
-from .sizes import TOPOLOGY
 
 
 def open_batch(track: Any) -> None:

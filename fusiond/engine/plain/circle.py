@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from fusiond.engine.step.sizes import STATES
 from fusiond.filters.innovation import Vector
 from fusiond.numerics.discretise import wrap_angle
-
-from .sizes import STATES
 
 
 def wrap(design: Any, x: Vector) -> Vector:

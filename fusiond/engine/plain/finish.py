@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from fusiond.engine.step.finish import judge_health, steer
-
-from .sizes import CONTROLS
+from fusiond.engine.step.sizes import CONTROLS
 
 
 def describe_state(track: Any, report: Any) -> bool:

@@ -1,7 +1,7 @@
 """Decentralized topologies: one local filter for each sensor, row 0 fused from them.
 
 `federated`, `federated_reset`, `information_sum`, `covariance_intersection`. `assembly` copies this file as
-`correct.py`, and `predict_local.py` beside it as `predict.py`.
+`correct.py`.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from typing import Any
 
 from fusiond.fusion.information_sum import absorb
 
+from .choices import TOPOLOGY
 from .circle import wrap
 from .looking import describe, look
 from .master import merge_rows, restart_locals
 from .predict import predict
 from .recursion import condition, guarded
-from .sizes import TOPOLOGY
 
 
 def correct(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:

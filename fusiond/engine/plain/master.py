@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from fusiond.engine.step.sizes import FILTERS
 from fusiond.fusion.covariance_intersection import intersect
 from fusiond.fusion.federated import merge, split
 
+from .choices import TOPOLOGY
 from .circle import near, wrap
-from .sizes import FILTERS, TOPOLOGY
 
 
 def merge_rows(track: Any, design: Any) -> None:

@@ -8,7 +8,7 @@ from fusiond.filters import conventional, information, ud
 from fusiond.filters.innovation import Innovation, Matrix, Vector
 from fusiond.numerics.covariance import ROUNDING, examine, repair
 
-from .sizes import POLICY, RECURSION
+from .choices import POLICY, RECURSION
 
 UPDATES = {
     "ud": ud.update,

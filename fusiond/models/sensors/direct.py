@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fusiond.errors import ConfigError
 from fusiond.models.contract import Process, Sensor
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import Matrix, Vector
@@ -13,6 +14,8 @@ def describe(process: Process, *, slots: list[str]) -> Sensor:
     Args:
         slots: names of the states it reads, one channel each, in their units.
     """
+    if not slots or len(set(slots)) < len(slots):
+        raise ConfigError(f"slots: {slots} names no state or one twice; name each state that it reads once")
     return Sensor(
         channels=tuple(process.slot(name) for name in slots),
         reads=tuple(slots),

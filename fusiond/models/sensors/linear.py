@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fusiond.errors import ConfigError
 from fusiond.models.contract import Process, Sensor, flatten, shape_of
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import Matrix, Vector
@@ -14,8 +15,12 @@ def describe(process: Process, *, H: list[list[float]], channels: list[str] | No
     Args:
         H: one row a channel, one column a state.   channels: their names; `z0`, `z1`, ... by default.
     """
+    if not H:
+        raise ConfigError("H: has no rows; write one for each number of a reading")
     shape_of("H", H, len(H), len(process.states))
     names = channels or [f"z{i}" for i in range(len(H))]
+    if len(set(names)) != len(H):
+        raise ConfigError(f"channels: {names} are not {len(H)} different names; give one for each row of H")
     return Sensor(
         channels=tuple(Slot(name) for name in names),
         reads=tuple(slot.name for slot in process.states),

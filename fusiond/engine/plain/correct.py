@@ -1,12 +1,13 @@
-"""Topology `centralized`: one filter, readings one after the other. `assembly` copies this file as `correct.py`."""
+"""Topology `centralized`: one filter, readings one after the other. Other topologies replace this file."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from fusiond.engine.step.predict import predict
+
 from .circle import wrap
 from .looking import describe, look
-from .predict import predict
 from .recursion import condition
 
 

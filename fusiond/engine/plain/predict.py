@@ -1,13 +1,14 @@
-"""Bring every filter of a decentralized topology forward. `assembly` copies this file as `predict.py`."""
+"""Bring every filter of a decentralized topology forward; other topologies use the compiled step's file."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from fusiond.engine.step.predict import predict as bring
+from fusiond.engine.step.sizes import FILTERS
 
+from .choices import TOPOLOGY
 from .master import merge_rows
-from .sizes import FILTERS, TOPOLOGY
 
 
 def predict(track: Any, design: Any, work: Any, row: int, t_ns: int) -> None:
