@@ -38,8 +38,7 @@ def with_wrong_noise(name: str, variance_factor: float, sensors: tuple[str, ...]
     said = configured(name).config.sensor
     factor = variance_factor**0.5
     changes = {
-        sensor: {"noise_std": {key: std * factor for key, std in said[sensor].noise_std.items()}}
-        for sensor in sensors
+        sensor: {"noise_std": {key: std * factor for key, std in said[sensor].noise_std.items()}} for sensor in sensors
     }
     return ensemble(CASES[name], logs(name), {"sensor": changes})
 
