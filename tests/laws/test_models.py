@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fusiond.config import parameters, read
 from fusiond.errors import ConfigError
 from fusiond.models.catalogue import PROCESSES, SENSORS
 from fusiond.numerics.discretise import van_loan
 from fusiond.numerics.kernel import interpreted
 
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+NONLINEAR = {
+    "ground_vehicle": "ground_vehicle",
+    "planar_body": "jackal",
+    "planar_robot": "planar",
+    "single_track": "single_track",
+}
+"""Every model with a transition, and the configuration that has parameters for it."""
 SEEDS = st.integers(0, 10**9)
 ROBOT = PROCESSES["planar_robot"].describe(
     acceleration_noise_m_s2_sqrt_hz=0.5,
@@ -21,10 +31,14 @@ ROBOT = PROCESSES["planar_robot"].describe(
     gyro_bias_noise_rad_s_sqrt_s=0.01,
 )
 POINT = PROCESSES["planar_constant_velocity"].describe(acceleration_noise_m_s2=0.7)
+VEHICLE = PROCESSES["ground_vehicle"].describe(
+    **parameters(read(CONFIGS / "ground_vehicle.toml").model, "model")
+)
 MASS = PROCESSES["driven_point_mass"].describe()
 OBSERVED = {
     "beacon_range": (ROBOT, {"beacons": [[3.0, 1.0, 2.0], [7.0, -4.0, 9.0]], "height_m": 1.5}, [0.0, 7.0]),
     "direct": (ROBOT, {"slots": ["yaw", "speed"]}, [0.0, 0.0]),
+    "gps_course": (VEHICLE, {}, [0.0] * 4),
     "gps_position": (ROBOT, {"lever_forward_m": 0.8, "lever_left_m": -0.3}, [0.0, 0.0]),
     "gps_position.bare": (POINT, {}, [0.0, 0.0]),
     "heading": (ROBOT, {"offset_rad": 3.0}, [0.0]),
@@ -77,9 +91,9 @@ def interval_of(kind, process, dt_s):
 
 
 def observed(case, x):
-    process, parameters, z = OBSERVED[case]
+    process, said, z = OBSERVED[case]
     module = SENSORS[case.split(".")[0]]
-    sensor = module.describe(process, **parameters)
+    sensor = module.describe(process, **said)
     names = [slot.name for slot in process.states]
     at = np.array([names.index(name) for name in sensor.reads])
     h, H = np.zeros(len(sensor.channels)), np.zeros((len(sensor.channels), len(x)))
@@ -103,17 +117,31 @@ def test_a_sensors_jacobian_is_the_derivative_of_its_reading(case, seed):
     assert pytest.approx(numerical, rel=1e-6, abs=1e-6) == H
 
 
-@given(seed=SEEDS, dt_s=st.sampled_from([1e-3, 0.05, 0.1]))
-@settings(max_examples=30)
-def test_the_robots_jacobian_is_the_derivative_of_its_motion(seed, dt_s):
-    """At any heading, also across the half turn."""
+def test_every_built_in_process_is_tried():
+    discretised = {"driven_point_mass", "driven_position", "linear", "planar_constant_velocity"}
+    assert discretised | set(NONLINEAR) == set(PROCESSES)
+
+
+@pytest.mark.parametrize("kind", NONLINEAR)
+@given(seed=SEEDS, dt_s=st.sampled_from([1e-3, 0.02, 0.1]))
+@settings(max_examples=15)
+def test_a_transitions_jacobians_are_its_derivatives(kind, seed, dt_s):
+    """By state and by input, at any heading, also across the half turn."""
+    module = PROCESSES[kind]
+    process = module.describe(**parameters(read(CONFIGS / f"{NONLINEAR[kind]}.toml").model, "model"))
+    names = [slot.name for slot in process.states]
     rng = np.random.default_rng(seed)
-    x = rng.uniform(-4.0, 4.0, 6)
-    x[2] = rng.choice([math.pi - 1e-7, -math.pi, rng.uniform(-math.pi, math.pi)])
-    module, u = PROCESSES["planar_robot"], np.zeros(1)
-    _, F, _ = transition_of(ROBOT, module, x, u, dt_s)
-    numerical = differences(lambda at: transition_of(ROBOT, module, at, u, dt_s)[0], x, [2])
-    assert pytest.approx(numerical, rel=1e-6, abs=1e-6) == F
+    x, u = rng.uniform(-4.0, 4.0, len(names)), rng.uniform(0.1, 3.0, max(1, len(process.inputs)))
+    angles = [names.index(name) for name in process.angles]
+    for angle in angles:
+        x[angle] = rng.choice([math.pi - 1e-7, -math.pi, rng.uniform(-math.pi, math.pi)])
+    _, F, B = transition_of(process, module, x, u, dt_s)
+    by_state = differences(lambda at: transition_of(process, module, at, u, dt_s)[0], x, angles)
+    by_input = differences(lambda at: transition_of(process, module, x, at, dt_s)[0], u, angles)
+    scale = 1.0 + np.abs(by_state).max()
+    assert np.abs(F - by_state).max() <= 1e-7 * scale
+    if process.inputs:
+        assert np.abs(B - by_input).max() <= 1e-7 * (1.0 + np.abs(by_input).max())
 
 
 @pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, 1.0), (-3.0, 4.0)])
@@ -231,8 +259,8 @@ def test_a_noise_that_enters_through_the_input_matrix_has_its_rank():
 
 
 def test_a_beacon_nobody_configured_is_told():
-    process, parameters, _ = OBSERVED["beacon_range"]
-    sensor = SENSORS["beacon_range"].describe(process, **parameters)
+    process, said, _ = OBSERVED["beacon_range"]
+    sensor = SENSORS["beacon_range"].describe(process, **said)
     observe, p = interpreted(SENSORS["beacon_range"].observe), np.array(sensor.parameters)
     h, H = np.zeros(2), np.zeros((2, 6))
     assert not observe(np.zeros(6), np.array([1.0, 4.0]), np.array([0, 1]), p, h, H)
@@ -260,9 +288,9 @@ def test_the_derived_outputs_are_those_of_the_plane():
     assert y == pytest.approx([math.sqrt(3.0), 1.0])
 
 
-def refusal(kind, process, **parameters):
+def refusal(kind, process, **said):
     with pytest.raises(ConfigError) as told:
-        SENSORS[kind].describe(process, **parameters)
+        SENSORS[kind].describe(process, **said)
     return str(told.value)
 
 
