@@ -19,7 +19,7 @@ from scipy.stats import chi2
 
 from fusiond.simulation.registry import simulate
 from fusiond.simulation.tables import Reading, Simulation
-from tools.trials import Floats, Trial, configured, estimate
+from tools.trials import Floats, Trial, configured, estimate, merged
 
 SHARE = 0.95
 LAGS = 10
@@ -98,7 +98,7 @@ class Case:
     name: str
     duration_s: float
     changes: Mapping[str, Any] = field(default_factory=dict)
-    options: Mapping[str, object] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
     first: tuple[Reading, ...] = ()
     config: str = ""
 
@@ -115,8 +115,8 @@ def _point(position_m: float) -> dict[str, Any]:
 
 
 CASES = {
-    "minicar": Case("minicar", 3.0, _point(0.0)),
-    "birotor": Case("birotor", 3.0, _point(2.0)),
+    "minicar": Case("minicar", 2.4, _point(0.0)),
+    "birotor": Case("birotor", 2.4, _point(2.0)),
     "wall_robot": Case("wall_robot", 10.0),
     # x(0) ~ N(0, B Q B'): known exactly one step before, then one step of noise.
     "reference_plant": Case(
@@ -130,10 +130,10 @@ CASES = {
 }
 
 
-def ensemble(case: Case, simulations: Iterable[Simulation], changes: Mapping[str, Any] | None = None) -> Ensemble:
+def ensemble(
+    case: Case, simulations: Iterable[Simulation], changes: Mapping[str, Any] | None = None
+) -> Ensemble:
     """Run simulated logs through a case's configuration, with further changes (a wrong R, say)."""
-    from tools.trials import merged
-
     engine = configured(case.config or case.name, merged(case.changes, changes or {})).engine()
     nees: list[float] = []
     whitened: dict[str, list[Floats]] = {}

@@ -16,6 +16,7 @@ from fusiond.assembly.assembly import Assembly
 from fusiond.simulation import closed_loop, rig
 from fusiond.simulation.closed_loop import LoopRun, PdLaw
 from fusiond.simulation.rig import PointRig
+from fusiond.simulation.systems import FEEDBACKS
 from fusiond.types import NANOSECONDS
 from tools.trials import Floats, Steered, configured, steer
 
@@ -48,11 +49,7 @@ EXAMPLES = (Example("minicar", rig.minicar, 2.0), Example("birotor", rig.birotor
 def unfused(example: Example, scenario: str, seed: int = 0) -> LoopRun:
     """The loop closed without a filter: scenario `ideal`, `accelerometer` or `ultrasonic`."""
     plant = example.rig(seed)
-    feedback = {
-        "ideal": closed_loop.ideal,
-        "accelerometer": lambda: closed_loop.accelerometer_only(plant.plant.start),
-        "ultrasonic": lambda: closed_loop.ultrasonic_only(plant.plant.start),
-    }[scenario]()
+    feedback = FEEDBACKS[scenario](plant.plant.start)
     return closed_loop.run(plant, example.law(plant), feedback, DURATION_NS)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from fusiond.simulation.registry import simulate
 from fusiond.simulation.tables import Simulation
+from tools.seed_row import Row, between, near
 from tools.trials import Floats, Trial, configured, estimate
 
 Q_M2 = (0.2 * 0.1) ** 2
@@ -88,3 +89,39 @@ def raw_rmse_m() -> float:
         np.mean((run.of("range")[1][:, 0] - run.truth.column("position")) ** 2) for run in simulations()
     ]
     return float(np.sqrt(np.mean(squares)))
+
+
+def rows() -> list[Row]:
+    """The figures of the page."""
+    exact = closed_form()
+
+    def corrected() -> Figures:
+        return figures("wall_robot")
+
+    def printed() -> Figures:
+        return figures("wall_robot_as_written")
+
+    gain, after = f"{exact.gain:.5f} (closed form)", f"{exact.P_after:.4e} m^2 (closed form)"
+    limit, sure = "0.0208 m (root of P+) within 2 %", "1.19: more sure of itself than it may be"
+    return [
+        Row("gain K", gain, lambda: corrected().steady.gain, "{:.5f}", near(exact.gain, 1e-6)),
+        Row("P+", after, lambda: corrected().steady.P_after, "{:.4e} m^2", near(exact.P_after, 1e-6)),
+        Row("range finder alone, RMSE", "0.0300 m", raw_rmse_m, "{:.5f} m", near(0.03, 0.02)),
+        Row("corrected, RMSE", limit, lambda: corrected().rmse_m, "{:.5f} m", near(exact.P_after**0.5, 0.02)),
+        Row(
+            "corrected, NEES",
+            "1; 1.01 found before",
+            lambda: corrected().nees_mean,
+            "{:.3f}",
+            near(1.0, 0.03),
+        ),
+        Row("as printed, RMSE", "0.02269 m", lambda: printed().rmse_m, "{:.5f} m", near(0.02269, 0.02)),
+        Row("as printed, NEES", sure, lambda: printed().nees_mean, "{:.3f}", near(1.19, 0.03)),
+        Row(
+            "corrected, errors inside the plotted +-1 sigma",
+            "68.3 %",
+            lambda: 100.0 * corrected().within_one_sigma,
+            "{:.1f} %",
+            between(67.0, 69.5),
+        ),
+    ]

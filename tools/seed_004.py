@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from fusiond.simulation.registry import simulate
+from tools.seed_row import Row, between, near, within
 from tools.trials import Floats, configured, estimate
 
 M_EXPECTED = {1.0: (0.3798, 0.0817, -0.2570), 2.3: (0.534538, 0.010133, -0.477568)}
@@ -33,8 +36,8 @@ class Settled:
 
 def settled(config: str, R: float, duration_s: float, Q: float | None = None) -> Settled:
     """Run one simulated log with the sensor y1 alone; the figures do not depend on its values."""
-    options: dict[str, object] = {"R": (R,)}
-    changes = {}
+    options: dict[str, Any] = {"R": (R,)}
+    changes: dict[str, Any] = {}
     if Q is not None:
         options["Q"] = Q
         changes = {"model": {"Q": [[Q]]}}
@@ -46,11 +49,13 @@ def settled(config: str, R: float, duration_s: float, Q: float | None = None) ->
     return Settled(M[-1], float(S[-1]), P[-1], int(np.flatnonzero(distance > 1e-6)[-1]) + 2)
 
 
+@cache
 def reference_plant(Q: float) -> Settled:
     """The reference plant with one sensor, R = 1."""
     return settled("reference_plant", 1.0, 100.0, Q)
 
 
+@cache
 def constant_velocity() -> Settled:
     """The constant-velocity plant, q = 1, R = 0.01."""
     return settled("constant_velocity", 0.01, 20.0)
@@ -68,3 +73,77 @@ def constant_velocity_closed_form() -> tuple[float, float, float]:
     r = (4.0 + ratio - (8.0 * ratio + ratio**2) ** 0.5) / 4.0
     alpha = 1.0 - r**2
     return alpha, (2.0 * (2.0 - alpha) - 4.0 * (1.0 - alpha) ** 0.5) / dt_s, R / (1.0 - alpha)
+
+
+def reference_rows(Q: float) -> list[Row]:
+    """The reference plant at one Q."""
+    plant, M, digits = f"reference_plant, Q = {Q:g}", M_EXPECTED[Q], 4 if Q == 1.0 else 6
+    S, y = S_EXPECTED[Q], Y_VARIANCE_EXPECTED[Q]
+
+    def gain(state: int) -> Row:
+        expected, name = f"{M[state]:.{digits}f}", f"{plant}, gain M{state + 1}"
+        return Row(
+            name,
+            expected,
+            lambda: float(reference_plant(Q).M[state]),
+            "{:.6f}",
+            within(M[state], 0.6 * 10.0**-digits),
+        )
+
+    return [
+        *(gain(state) for state in range(3)),
+        Row(
+            f"{plant}, innovation variance S", f"{S:g}", lambda: reference_plant(Q).S, "{:.6f}", near(S, 5e-6)
+        ),
+        Row(
+            f"{plant}, error variance of y",
+            f"{y:.6f}",
+            lambda: float(reference_plant(Q).P[0, 0]),
+            "{:.6f}",
+            near(y, 2e-6),
+        ),
+        Row(
+            f"{plant}, readings until settled to 1e-6",
+            "<= 60",
+            lambda: float(reference_plant(Q).steps),
+            "{:.0f}",
+            between(1, 60),
+        ),
+    ]
+
+
+def trace() -> float:
+    """tr P+ at Q = 2.3."""
+    return float(np.trace(reference_plant(2.3).P))
+
+
+def rows() -> list[Row]:
+    """The figures of the page."""
+    alpha, beta, S = constant_velocity_closed_form()
+    form = "{:.6f}"
+    return [
+        *reference_rows(1.0),
+        *reference_rows(2.3),
+        Row("reference_plant, Q = 2.3, tr P+", f"{TRACE_EXPECTED}", trace, form, near(TRACE_EXPECTED, 1e-6)),
+        Row(
+            "constant_velocity, gain on position",
+            f"{alpha:.6f} (closed form)",
+            lambda: float(constant_velocity().M[0]),
+            form,
+            near(alpha, 1e-6),
+        ),
+        Row(
+            "constant_velocity, gain on velocity",
+            f"{beta:.6f} (closed form)",
+            lambda: float(constant_velocity().M[1]),
+            form,
+            near(beta, 1e-6),
+        ),
+        Row(
+            "constant_velocity, S",
+            f"{S:.6f} (closed form)",
+            lambda: constant_velocity().S,
+            form,
+            near(S, 1e-6),
+        ),
+    ]

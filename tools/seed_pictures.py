@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from fusiond.simulation.registry import simulate
 from tools import seed_000, seed_001, seed_004
 from tools.seed_000 import EXAMPLES, Example
-from tools.seed_rows import steered
+from tools.seed_000_rows import steered
 from tools.trials import Floats, configured, estimate
 
 IDEAL, ACCELEROMETER, ULTRASONIC, FUSED, BARE = "#222222", "#d1495b", "#edae49", "#00798c", "#8d6a9f"
-LOOK: dict[str, Any] = {
+LOOK: Any = {
     "svg.hashsalt": "seeds", "font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False,
     "axes.grid": True, "grid.alpha": 0.25, "legend.frameon": False, "figure.facecolor": "white",
 }  # fmt: skip
@@ -27,7 +27,8 @@ LOOK: dict[str, Any] = {
 @contextmanager
 def figure(path: Path, width: float, height: float) -> Iterator[Figure]:
     """A figure (inches), saved on leaving without a date."""
-    with mpl.rc_context(LOOK):
+    with mpl.rc_context():
+        mpl.rcParams.update(LOOK)
         drawn = Figure((width, height), layout="constrained")
         yield drawn
         drawn.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
@@ -55,7 +56,9 @@ def scenarios(example: Example, path: Path) -> None:
             left.plot(t_s, x_m, dashed, color=colour, label=name, lw=1.4)
             right.semilogy(t_s, np.maximum(np.abs(x_m - example.goal_m), 1e-5), dashed, color=colour, lw=1.1)
         left.axhline(example.goal_m, color="#999999", lw=0.8, ls=":")
-        left.set(xlim=(0, 15), ylim=(0.0, 3.0), xlabel="time, s", ylabel="true position, m", title=example.name)
+        left.set(
+            xlim=(0, 15), ylim=(0.0, 3.0), xlabel="time, s", ylabel="true position, m", title=example.name
+        )
         left.legend(loc="lower right" if example.name == "minicar" else "upper right")
         right.set(xlim=(0, 30), ylim=(1e-5, 1e3), xlabel="time, s", ylabel="distance from the goal, m")
         right.text(29.5, 30.0, "runs away", color=ACCELEROMETER, ha="right")
@@ -66,7 +69,12 @@ def offset(path: Path) -> None:
     Q22 = np.logspace(-8.5, -2.5, 61)
     with figure(path, 5.6, 3.3) as drawn:
         axes = drawn.subplots()
-        axes.loglog(Q22, [seed_000.predicted_offset_m(q) for q in Q22.tolist()], color=BARE, label="formula, steady gain")
+        axes.loglog(
+            Q22,
+            [seed_000.predicted_offset_m(q) for q in Q22.tolist()],
+            color=BARE,
+            label="formula, steady gain",
+        )
         loops = [seed_000.offset_m(q) for q in seed_000.OFFSETS_M]
         axes.loglog(list(seed_000.OFFSETS_M), loops, "o", color=BARE, label="closed loop, two states")
         bound = steered(EXAMPLES[0], 0).loop.rms_from(EXAMPLES[0].goal_m, seed_000.LAST_S)
@@ -88,10 +96,16 @@ def wall_robot(path: Path) -> None:
             trial = estimate(configured(name).engine(), run)
             rows = trial.of("range")
             if name == "wall_robot":
-                above.plot(t_s, trial.reports["x"][rows, 0], color=colour, lw=1.2, label="estimate, corrected")
+                above.plot(
+                    t_s, trial.reports["x"][rows, 0], color=colour, lw=1.2, label="estimate, corrected"
+                )
                 band: Floats = 3.0 * np.sqrt(trial.P[rows, 0, 0])
-                below.fill_between(t_s, -band, band, color="#999999", alpha=0.2, lw=0, label="+-3 sigma, of both")
-                below.fill_between(t_s, -band / 3, band / 3, color="#999999", alpha=0.3, lw=0, label="+-1 sigma, the seed's")
+                below.fill_between(
+                    t_s, -band, band, color="#999999", alpha=0.2, lw=0, label="+-3 sigma, of both"
+                )
+                below.fill_between(
+                    t_s, -band / 3, band / 3, color="#999999", alpha=0.3, lw=0, label="+-1 sigma, the seed's"
+                )
             below.plot(t_s, trial.error[rows, 0], color=colour, lw=1.2, label=f"error, {label}")
         above.set(ylabel="position, m", title="wall_robot, seed 0")
         above.legend(ncols=3, loc="upper left")
@@ -103,12 +117,23 @@ def settling(path: Path) -> None:
     """How the reference plant's gain settles, against the published values."""
     with figure(path, 5.6, 3.3) as drawn:
         axes = drawn.subplots()
-        trial = estimate(configured("reference_plant").engine(), simulate("reference_plant", 0, 15.0, R=(1.0,)))
+        trial = estimate(
+            configured("reference_plant").engine(), simulate("reference_plant", 0, 15.0, R=(1.0,))
+        )
         rows = trial.of("y1")
         for state, colour in enumerate((FUSED, ULTRASONIC, ACCELEROMETER)):
-            axes.plot(np.arange(rows.size), trial.P[rows][:, state, 0], "o-", color=colour, ms=3, label=f"M{state + 1}")
+            axes.plot(
+                np.arange(rows.size),
+                trial.P[rows][:, state, 0],
+                "o-",
+                color=colour,
+                ms=3,
+                label=f"M{state + 1}",
+            )
             axes.axhline(seed_004.M_EXPECTED[2.3][state], color=colour, lw=0.8, ls=":")
-        axes.set(xlabel="reading of y1", ylabel="gain", title="reference_plant, Q = 2.3, R = 1 (dotted: published)")
+        axes.set(
+            xlabel="reading of y1", ylabel="gain", title="reference_plant, Q = 2.3, R = 1 (dotted: published)"
+        )
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.12))
 
 

@@ -7,6 +7,7 @@ so the last test asks how often it does, over 40 sets.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -38,7 +39,8 @@ def with_wrong_noise(name: str, variance_factor: float, sensors: tuple[str, ...]
     said = configured(name).config.sensor
     factor = variance_factor**0.5
     changes = {
-        sensor: {"noise_std": {key: std * factor for key, std in said[sensor].noise_std.items()}} for sensor in sensors
+        sensor: {"noise_std": {key: std * factor for key, std in said[sensor].noise_std.items()}}
+        for sensor in sensors
     }
     return ensemble(CASES[name], logs(name), {"sensor": changes})
 
@@ -72,7 +74,7 @@ def test_whitened_innovations_are_white(name):
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize(("name", "sensor"), EACH)
-def test_a_wrong_R_is_outside(name, sensor, factor):
+def test_a_wrong_noise_is_outside(name, sensor, factor):
     """Twice or half the variance of one sensor moves its NIS out of the band, to the side it must."""
     check = with_wrong_noise(name, factor, (sensor,)).nis_check(sensor)
     assert check.value > check.high if factor < 1.0 else check.value < check.low, check
@@ -80,15 +82,13 @@ def test_a_wrong_R_is_outside(name, sensor, factor):
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize("name", CASES)
-def test_a_wrong_R_of_every_sensor_is_outside_for_nees_too(name, factor):
+def test_a_wrong_noise_of_every_sensor_is_outside_for_nees_too(name, factor):
     check = with_wrong_noise(name, factor, tuple(UPDATING[name])).nees_check()
     assert check.value > check.high if factor < 1.0 else check.value < check.low, check
 
 
 def test_the_printed_seed_001_is_neither_consistent_nor_white():
     """Its off-by-one moves NIS and whiteness far outside, though gain and variance are right."""
-    from dataclasses import replace
-
     printed = ensemble(replace(CASES["wall_robot"], config="wall_robot_as_written"), logs("wall_robot"))
     assert printed.nis_check("range").value > printed.nis_check("range").high
     assert printed.whiteness_check().value > 5.0 * printed.whiteness_check().high

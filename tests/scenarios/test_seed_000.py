@@ -7,12 +7,13 @@ import pytest
 
 from tools import seed_000
 from tools.seed_000 import EXAMPLES, LAST_S, OFFSETS_M
+from tools.seed_000_rows import steered
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)
 def test_fused_holds_the_goal(example):
     """GIVEN the shipped configuration; WHEN 30 s are over; THEN the last 10 s are within 2.5 mm RMS of the goal."""
-    run = seed_000.fused(example)
+    run = steered(example, 0)
     assert run.loop.rms_from(example.goal_m, LAST_S) < 2.5e-3
 
     # AND the accelerometer's offset is known within four of its standard deviations, which are below 1 mm/s^2
@@ -27,7 +28,8 @@ def test_fused_holds_the_goal(example):
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)
 def test_the_other_scenarios_are_as_the_seed_says(example):
     """Ideal: there. Accelerometer only: hundreds of metres off. Ultrasonic only: there, but it trembles."""
-    rms_m = {name: seed_000.unfused(example, name).rms_from(example.goal_m, LAST_S) for name in ("ideal", "accelerometer", "ultrasonic")}  # fmt: skip
+    names = ("ideal", "accelerometer", "ultrasonic")
+    rms_m = {name: seed_000.unfused(example, name).rms_from(example.goal_m, LAST_S) for name in names}
     assert rms_m["ideal"] < 1e-4
     assert 200.0 < rms_m["accelerometer"] < 500.0
     assert 1e-3 < rms_m["ultrasonic"] < 10e-3
@@ -47,7 +49,7 @@ def test_the_formula_is_the_table():
         assert seed_000.predicted_offset_m(Q22, before_correction=False) == pytest.approx(table_m, abs=1.1e-3)
 
 
-def test_a_greater_Q_makes_a_quicker_filter():
+def test_a_greater_process_noise_makes_a_quicker_filter():
     """The seed says slower. The offset of a filter that trusts the accelerometer less is smaller."""
     offsets_m = [seed_000.predicted_offset_m(Q22) for Q22 in OFFSETS_M]
     assert offsets_m == sorted(offsets_m, reverse=True)

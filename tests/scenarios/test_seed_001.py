@@ -35,7 +35,7 @@ def test_as_printed_it_is_off_by_one():
 
 
 def test_the_printed_program_is_what_the_engine_runs():
-    """GIVEN one run; WHEN the printed loop is run with its u(i-1), and with u(i); THEN both are the engine's bits but for rounding."""
+    """GIVEN one run; WHEN the printed loop runs with its u(i-1), and with u(i); THEN both are the engine's to 1e-12."""
     run = seed_001.simulations()[0]
     u, z = run.of("speed")[1][:, 0], run.of("range")[1][:, 0]
     truth = run.truth.column("position")

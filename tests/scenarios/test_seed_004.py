@@ -15,7 +15,7 @@ def test_the_reference_plant_settles_as_published(Q):
     settled = seed_004.reference_plant(Q)
     digits = 1e-6 if Q == 2.3 else 0.6e-4
     np.testing.assert_allclose(settled.M, seed_004.M_EXPECTED[Q], atol=digits)
-    assert settled.S == pytest.approx(seed_004.S_EXPECTED[Q], abs=5e-6)
+    assert pytest.approx(seed_004.S_EXPECTED[Q], abs=5e-6) == settled.S
     assert settled.P[0, 0] == pytest.approx(seed_004.Y_VARIANCE_EXPECTED[Q], abs=1e-6)
     assert settled.steps <= 60
 
@@ -29,7 +29,7 @@ def test_the_constant_velocity_plant_settles_by_its_closed_form():
     alpha, beta, S = seed_004.constant_velocity_closed_form()
     settled = seed_004.constant_velocity()
     np.testing.assert_allclose(settled.M, [alpha, beta], rtol=1e-9)
-    assert settled.S == pytest.approx(S, rel=1e-9)
+    assert pytest.approx(S, rel=1e-9) == settled.S
     A, G, H = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.005], [0.1]]), np.array([[1.0, 0.0]])
     P = solve_discrete_are(A.T, H.T, G @ G.T, np.array([[0.01]]))
     np.testing.assert_allclose(settled.M, P[:, 0] / S, rtol=1e-9)
