@@ -63,7 +63,7 @@ def show_check(result: Mapping[str, Any]) -> None:
         table.add_row(sensor["name"], sensor["role"], " ".join(sensor["channels"]), silence, lost)
     console.print(table)
     console.print(
-        f"{result['filters']} filters, {result['bytes']['track']} bytes of state; "
+        f"filters: {', '.join(result['filters'])}; {result['bytes']['track']} bytes of state; "
         f"readings up to {result['reordered_within_s']:g} s late are put in their place"
     )
 

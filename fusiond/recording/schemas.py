@@ -29,7 +29,7 @@ PROPERTIES: dict[str, dict[str, object]] = {
     },
     "fusiond.Health": {"t": TIME, "seq": SEQ, "service": {"type": "string"}, "sensors": {"type": "object"}},
     "fusiond.Event": {
-        "t": TIME, "id": {}, "sensor": {"type": "string"}, "from": {"type": "string"}, "to": {"type":
+        "t": TIME, "t_ns": {"type": "integer"}, "epoch": {}, "id": {}, "sensor": {}, "from": {"type": "string"}, "to": {"type":
         "string"},
         "fault": {},
     },

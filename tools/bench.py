@@ -1,0 +1,161 @@
+"""`make bench`: every cost fusiond promises, measured in one run; the last line is one JSON object.
+
+`python -m tools.bench --write docs/benchmarks.md` also writes the page. Ratios are taken against a named peer in the
+same run, since machines differ and are noisy; `--only step` measures a part.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from tools.bench_engine import bench_memory, bench_replay, bench_start, bench_step
+from tools.bench_service import bench_round_trip, bench_throughput
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One promise: what was measured, against whom, and what was to be reached.
+
+    Args:
+        ratio: value over the peer's, None without a peer.   reach: the promise.   ok: whether it is kept.
+    """
+
+    id: str
+    name: str
+    value: float
+    unit: str
+    against: str
+    ratio: float | None
+    reach: str
+    ok: bool
+
+
+def step_rows() -> list[Row]:
+    """The whole step."""
+    found = bench_step()
+    five, fifteen, peer = found["five_us"], found["fifteen_us"], found["filterpy_us"]
+    ratio = five / peer
+    name = "one reading through the step, 5 filters, 8 states, 4 sensors of 3 numbers"
+    return [
+        Row("2.step.five", name, five, "us", "", None, "<= 8", five <= 8.0),
+        Row("2.step.five.ratio", f"{name}, against bare predict and update", five, "us", "filterpy", ratio,
+            "<= 0.4", ratio <= 0.4),
+        Row("2.step.fifteen", "the same, 1 filter, 15 states", fifteen, "us", "", None, "<= 6", fifteen <= 6.0),
+    ]  # fmt: skip
+
+
+def replay_rows() -> list[Row]:
+    """Replay from file to result."""
+    found = bench_replay()
+    csv, mcap = found["csv"], found["mcap"]
+    return [
+        Row(
+            "2.replay.csv",
+            "replay, mini car, CSV without --out",
+            csv,
+            "1/s",
+            "",
+            None,
+            ">= 100000",
+            csv >= 1e5,
+        ),
+        Row("2.replay.mcap", "replay, mini car, packed MCAP", mcap, "1/s", "", None, ">= 50000", mcap >= 5e4),
+    ]
+
+
+def daemon_rows() -> list[Row]:
+    """Throughput and round trip over Zenoh."""
+    rate, trip = bench_throughput(), bench_round_trip()
+    name = "highest paced rate without a missing seq, one record a put"
+    rows = [
+        Row("2.daemon.rate", f"{name}, recording off", rate["daemon_hz"], "1/s", "counting subscriber",
+            rate["ratio"], ">= 0.3", rate["ratio"] >= 0.3),
+        Row("2.daemon.rate.recording", f"{name}, recording on", rate["recording_hz"], "1/s", "counting subscriber",
+            rate["ratio_recording"], ">= 0.2", rate["ratio_recording"] >= 0.2),
+    ]  # fmt: skip
+    for part in ("p50", "p99"):
+        value, ratio = trip[f"daemon_{part}_us"], trip[f"ratio_{part}"]
+        row = Row(f"2.daemon.rtt.{part}", f"publish to estimate at 1 kHz, {part}", value, "us", "zenoh echo", ratio,
+                  "<= 1.5", ratio <= 1.5)  # fmt: skip
+        rows.append(row)
+    return rows
+
+
+def start_rows() -> list[Row]:
+    """From `fusiond run` to the first estimate."""
+    found = bench_start()
+    cold, warm = found["cold_s"], found["warm_s"]
+    return [
+        Row(
+            "2.start.cold", "start to first estimate, empty cache", cold, "s", "", None, "<= 15", cold <= 15.0
+        ),
+        Row(
+            "2.start.warm", "start to first estimate, filled cache", warm, "s", "", None, "<= 2", warm <= 2.0
+        ),
+    ]
+
+
+def memory_rows() -> list[Row]:
+    """Growth over a long replay."""
+    growth = bench_memory()["growth_mib"]
+    name = "growth of the resident size from 10^6 to 10^7 replayed readings"
+    return [Row("2.memory", name, growth, "MiB", "", None, "<= 1", growth <= 1.0)]
+
+
+PARTS: dict[str, Callable[[], list[Row]]] = {
+    "step": step_rows, "replay": replay_rows, "daemon": daemon_rows, "start": start_rows, "memory": memory_rows,
+}  # fmt: skip
+
+
+def table(rows: list[Row]) -> str:
+    """The rows as Markdown."""
+    lines = ["| what | measured | against | ratio | reach | |", "|---|---|---|---|---|---|"]
+    for row in rows:
+        ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
+        kept = "yes" if row.ok else "**no**"
+        lines.append(
+            f"| {row.name} | {row.value:,.4g} {row.unit} | {row.against} | {ratio} | {row.reach} | {kept} |"
+        )
+    return "\n".join(lines)
+
+
+def machine() -> str:
+    """The machine in one line."""
+    model = platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.is_file():
+        names = [
+            line.split(":", 1)[1].strip() for line in cpuinfo.read_text().splitlines() if "model name" in line
+        ]
+        model = names[0] if names else model
+    return f"{os.cpu_count()} cores, {model}, {platform.system()}, Python {platform.python_version()}"
+
+
+def main() -> None:
+    """Measure, print the table to stderr and the JSON object as the last line of stdout."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", choices=list(PARTS), action="append", help="measure these parts")
+    parser.add_argument("--write", type=Path, help="write the page there")
+    chosen = parser.parse_args()
+    rows: list[Row] = []
+    for part in chosen.only or PARTS:
+        print(f"bench: {part}", file=sys.stderr, flush=True)
+        rows += PARTS[part]()
+    print(table(rows), file=sys.stderr)
+    if chosen.write:
+        day = datetime.now(UTC).date()
+        page = f"# Benchmarks\n\nMeasured by `make bench` on {day}: {machine()}.\n\n{table(rows)}\n"
+        chosen.write.write_text(page, encoding="utf-8")
+    print(json.dumps({"rows": [asdict(row) for row in rows]}))
+
+
+if __name__ == "__main__":
+    main()
