@@ -4,7 +4,7 @@
     Woodbury form      P(n|n) = (I + P C' R^-1 C)^-1 P     the same P(n|n), without P^-1: exact for a singular prior
 
 Both with M = P(n|n) C' R^-1, which Table 3-1 uses and never defines. A singular R (a perfect channel) has no
-information form; there the Joseph update stands in.
+information form, and a sum I + P C' R^-1 C that rounding made singular no inverse; there the Joseph update stands in.
 """
 
 from __future__ import annotations
@@ -16,9 +16,14 @@ import numpy as np
 from fusiond.filters import joseph
 from fusiond.filters.innovation import Innovation, Matrix, Vector
 
+LARGEST = 1e300
+"""Beyond it, products overflow."""
+
 
 def weight(R: Matrix) -> Matrix | None:
-    """R^-1, None where R is singular."""
+    """R^-1, None where R is singular, or so large that its reading says nothing a float could hold."""
+    if not np.max(np.abs(R)) < LARGEST:
+        return None
     values, vectors = np.linalg.eigh(R)
     if not values[0] > values.shape[0] * np.finfo(float).eps * abs(values[-1]):
         return None
@@ -42,27 +47,37 @@ def absorb(x: Vector, P: Matrix, y: Vector, Y: Matrix) -> tuple[Vector, Matrix]:
     return x + after @ y, np.asarray(after)
 
 
+def absorbed(x: Vector, P: Matrix, y: Vector, Y: Matrix) -> tuple[Vector, Matrix] | None:
+    """`absorb`, or None where rounding or overflow has left nothing to solve."""
+    try:
+        after = absorb(x, P, y, Y)
+    except np.linalg.LinAlgError:
+        return None
+    return after if np.isfinite(after[1]).all() else None
+
+
 def update(x: Vector, P: Matrix, seen: Innovation) -> tuple[Vector, Matrix]:
     """Condition N(x, P) on the innovation, Woodbury form."""
     W = weight(seen.R)
-    return joseph.update(x, P, seen) if W is None else absorb(x, P, *contribution(seen, W))
+    if W is None:
+        return joseph.update(x, P, seen)
+    return absorbed(x, P, *contribution(seen, W)) or joseph.update(x, P, seen)
 
 
 def update_together(x: Vector, P: Matrix, parts: Sequence[Innovation]) -> tuple[Vector, Matrix]:
     """Condition on several independent readings at once: their information adds up.
 
-    All innovations are taken from the same prior mean. Readings with a singular R follow one after the other.
+    All innovations are taken from the same prior mean. Those without an information form follow one after the other.
     """
-    y, Y, perfect = np.zeros(x.shape[0]), np.zeros_like(P), []
-    for seen in parts:
-        W = weight(seen.R)
-        if W is None:
-            perfect.append(seen)
-            continue
-        more_y, more_Y = contribution(seen, W)
-        y, Y = y + more_y, Y + more_Y
-    after, P = absorb(x, P, y, Y)
-    for seen in perfect:
+    y, Y, weights = np.zeros(x.shape[0]), np.zeros_like(P), [weight(seen.R) for seen in parts]
+    for seen, W in zip(parts, weights, strict=True):
+        if W is not None:
+            more_y, more_Y = contribution(seen, W)
+            y, Y = y + more_y, Y + more_Y
+    left = [seen for seen, W in zip(parts, weights, strict=True) if W is None]
+    summed = absorbed(x, P, y, Y)
+    after, P = summed or (x, P)
+    for seen in left if summed else parts:
         moved = Innovation(seen.nu - seen.H @ (after - x), seen.H, seen.R)
         after, P = joseph.update(after, P, moved)
     return after, P

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusiond.filters import information, joseph
+from fusiond.filters import information
 from fusiond.filters.innovation import Innovation, Matrix, Vector
 
 
@@ -33,8 +33,4 @@ def absorb(x: Vector, P: Matrix, x_local: Vector, seen: Innovation) -> tuple[Vec
     Args:
         x, P: the centre's prior.   x_local: (n,) the mean at which `seen` was taken, the local filter's prior.
     """
-    moved = Innovation(seen.nu + seen.H @ (x_local - x), seen.H, seen.R)
-    W = information.weight(seen.R)
-    if W is None:
-        return joseph.update(x, P, moved)
-    return information.absorb(x, P, *information.contribution(moved, W))
+    return information.update(x, P, Innovation(seen.nu + seen.H @ (x_local - x), seen.H, seen.R))
