@@ -23,6 +23,7 @@ from fusiond.engine.layout import Layout
 from fusiond.engine.plain.running import running
 from fusiond.errors import ConfigError
 from fusiond.numerics.kernel import interpreted
+from fusiond.types import TICK
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,12 @@ class Assembly:
         """A fresh engine, before its first reading."""
         run = running(self.package.run) if self.layout.plain else self.package.run
         return Engine(self.layout, self.design, self._desk(), run, self._derive())
+
+    def prepare(self) -> None:
+        """Compile the step, or load it from the cache, before anybody waits for a reading."""
+        tick = np.zeros(1, self.layout.reading)
+        tick["sensor"] = TICK
+        self.engine().process(tick)
 
     def _desk(self) -> NDArray[np.void]:
         """The first desk record: the configured reference."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fusiond.assembly.assembly import Assembly
-from fusiond.cli.views import counting
+from fusiond.cli.views import counting, working
 from fusiond.recording.log import open_log
 from fusiond.recording.mcap_writer import McapWriter
 from fusiond.recording.replay import replay
@@ -23,6 +23,8 @@ def replay_log(
     known = read_truth(truth, angles) if truth else None
     writer = McapWriter(out, layout, config_text) if out else None
     try:
+        with working("compiling the filter (once for each configuration)"):
+            assembly.prepare()
         with counting(f"replay {log.name}") as progress:
             result = replay(
                 assembly.engine(),

@@ -29,6 +29,17 @@ def counting(what: str) -> Iterator[Callable[[int], None]]:
         yield lambda count: progress.update(task, completed=count)
 
 
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """A spinner while something takes its time."""
+    stderr = Console(stderr=True)
+    if stderr.is_terminal:
+        with stderr.status(what):
+            yield
+    else:
+        yield
+
+
 def _table(title: str, *columns: str) -> Table:
     """A plain table whose first column is left, the others right aligned."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
