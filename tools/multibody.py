@@ -10,9 +10,9 @@ Its frame has z downward and y to the right, so a positive yaw turns to its righ
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -46,12 +46,13 @@ def plain(values: Any) -> Any:
     return values
 
 
+@cache
 def simulator() -> Simulator:
     """Load the package; raises ConfigError where it is not installed."""
     try:
-        from vehiclemodels.init_mb import init_mb
-        from vehiclemodels.parameters_vehicle2 import parameters_vehicle2
-        from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
+        from vehiclemodels.init_mb import init_mb  # type: ignore[import-untyped]
+        from vehiclemodels.parameters_vehicle2 import parameters_vehicle2  # type: ignore[import-untyped]
+        from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb  # type: ignore[import-untyped]
     except ImportError as error:
         raise ConfigError(
             f"vehicle: the multi-body simulator cannot be loaded ({error}); install commonroad-vehicle-models~=3.0"
@@ -80,7 +81,9 @@ def wheel_forces(car: Simulator, command_m_s2: float) -> list[float]:
     return [front * half, front * half, (1.0 - front) * half, (1.0 - front) * half]
 
 
-def drive(car: Simulator, speed_m_s: float, steering_rad: Callable[[float], float], duration_s: float) -> Motion:
+def drive(
+    car: Simulator, speed_m_s: float, steering_rad: Callable[[float], float], duration_s: float
+) -> Motion:
     """Drive for a while, starting straight ahead at that speed.
 
     The mean specific force of a millisecond is what its change of velocity leaves once the turning of the frame is
@@ -104,7 +107,7 @@ def drive(car: Simulator, speed_m_s: float, steering_rad: Callable[[float], floa
 def _states(car: Simulator, raw: Floats, drive_n: Floats) -> Floats:
     """(n, 10) the columns of a Motion, from the simulator's 29."""
     p = car.parameters
-    vx, vy, rate, angle = raw[:, VX], raw[:, VY], raw[:, YAW_RATE], raw[:, STEERING]
+    vx, vy, rate = raw[:, VX], raw[:, VY], raw[:, YAW_RATE]
     mean = 0.5 * (raw[1:] + raw[:-1])
     ax = np.diff(vx) / STEP_S - 0.5 * (vy[1:] * rate[1:] + vy[:-1] * rate[:-1])
     ay = np.diff(vy) / STEP_S + 0.5 * (vx[1:] * rate[1:] + vx[:-1] * rate[:-1])
@@ -121,7 +124,7 @@ def _states(car: Simulator, raw: Floats, drive_n: Floats) -> Floats:
     )
 
 
-def manoeuvre(car: Simulator, asked: Manoeuvre) -> Motion:
-    """Drive one of the manoeuvres."""
-    assert math.isfinite(asked.speed_m_s)
-    return drive(car, asked.speed_m_s, asked.steering_rad, asked.duration_s)
+@cache
+def manoeuvre(asked: Manoeuvre) -> Motion:
+    """Drive one of the manoeuvres; the same arrays to everyone who asks."""
+    return drive(simulator(), asked.speed_m_s, asked.steering_rad, asked.duration_s)

@@ -4,8 +4,8 @@
 
 Source: seed 002, equations 7 to 9, from the three numbers {speed, course, heading} that are measured, with R of their
 own. The seed turns them into vx, vy and sideslip first and keeps the heading beside them: four channels of three
-numbers, whose covariance is singular. Its (7) has sideslip = psi - course, which holds for compass bearings only; by (8)
-and (9) it is course - psi.
+numbers, whose covariance is singular. Its (7) has sideslip = psi - course, which holds for compass bearings only; by
+(8) and (9) it is course - psi.
 """
 
 from __future__ import annotations
