@@ -25,7 +25,9 @@ def user_module(file: str, folder: Path, subject: str) -> ModuleType:
     try:
         text = path.read_bytes()
     except OSError as error:
-        raise ConfigError(f"{subject}.file: {file} cannot be read ({error.strerror}); paths are relative to the configuration") from error  # fmt: skip
+        raise ConfigError(
+            f"{subject}.file: {file} cannot be read ({error.strerror}); paths are relative to the configuration"
+        ) from error
     name = f"fusiond_user_{hashlib.sha256(text).hexdigest()[:16]}"
     if name in sys.modules:
         return sys.modules[name]
@@ -47,7 +49,9 @@ def require(module: ModuleType, functions: tuple[str, ...], subject: str) -> Non
     """Raise ConfigError where a model file lacks a function of the contract."""
     for name in functions:
         if not hasattr(module, name):
-            raise ConfigError(f"{subject}: the model file has no function `{name}`; fusiond.models.contract lists what it needs")  # fmt: skip
+            raise ConfigError(
+                f"{subject}: the model file has no function `{name}`; fusiond.models.contract lists what it needs"
+            )
 
 
 def described(

@@ -71,8 +71,8 @@ def observe_source(sensors: Sequence[str]) -> str:
 def sizes_source(shape: records.Shape) -> str:
     """The sizes of the records as constants."""
     constants = {
-        "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises, "SENSORS": shape.sensors,
-        "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
+        "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises,
+        "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
         "REFERENCES": shape.references, "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
     }  # fmt: skip
     return "".join([f"{name} = {value}\n" for name, value in constants.items()])
@@ -143,7 +143,8 @@ def import_package(folder: Path) -> ModuleType:
         spec = importlib.util.spec_from_file_location(
             name, folder / "__init__.py", submodule_search_locations=[str(folder)]
         )
-        assert spec is not None and spec.loader is not None
+        assert spec is not None
+        assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
         spec.loader.exec_module(module)

@@ -1,4 +1,7 @@
-"""The command line: `fusiond COMMAND`. Exit status 0 done, 1 the run failed (`diff`: they differ), 2 operator's mistake."""
+"""The command line: `fusiond COMMAND`.
+
+Exit status 0: done; 1: the run failed (`diff`: they differ); 2: the operator's mistake, named with its remedy.
+"""
 
 from __future__ import annotations
 
