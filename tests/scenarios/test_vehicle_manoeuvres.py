@@ -43,7 +43,7 @@ def test_a_real_car_costs_no_more_than_a_third(name):
 
 
 def test_the_lateral_velocity_gets_worse_with_speed():
-    """As the seed's figure 4: at 160 km/h the error of vy is at least 1.8 times that at 60; that of the yaw rate is not."""
+    """As the seed's figure 4: at 160 km/h the error of vy is at least 1.8 times that at 60; the yaw rate's is not."""
     slow, fast = rmse(BY_NAME["dlc_60kmh"]), rmse(BY_NAME["dlc_160kmh"])
     assert fast[1] > 1.8 * slow[1]
     assert fast[2] == pytest.approx(slow[2], rel=0.15)
