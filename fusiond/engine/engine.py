@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.engine.direct import Run, direct
 from fusiond.engine.layout import Layout
 from fusiond.engine.records import work_dtype
 from fusiond.engine.step.sizes import SNAPSHOT_EVERY
 from fusiond.errors import EngineFault
 
 Records = NDArray[Any]
-Run = Callable[..., int]
 Derive = Callable[[Any, Any, Any], None]
 
 
@@ -31,7 +31,11 @@ class Engine:
         self, layout: Layout, design: Records, desk: Records, run: Run, derive: Derive | None
     ) -> None:
         self.layout = layout
+        self.track: Records = np.zeros(1, layout.track)
+        self.desk: Records = desk.copy()
         self._design, self._run, self._derive = design, run, derive
+        self._is_direct = False
+        self._reading = layout.reading
         self._first_desk = desk.copy()
         self._work = np.zeros(1, work_dtype(layout.shape))
         self._spares = (
@@ -40,13 +44,17 @@ class Engine:
             np.zeros(1, layout.reading),
         )
         self._reports: Records = np.zeros(0, layout.report)
+        self._report: Records = np.zeros(1, layout.report)
+        self._report_bytes = self._report.view(np.uint8).data
+        self._blank = bytes(layout.report.itemsize)
         self.covariances: NDArray[np.float64] = np.zeros((0, layout.shape.errors, layout.shape.errors))
+        self._nobody_asks = self.covariances
         self.reset()
 
     def reset(self) -> None:
         """Forget everything: the state before the first reading."""
-        self.track: Records = np.zeros(1, self.layout.track)
-        self.desk: Records = self._first_desk.copy()
+        self.track[:] = np.zeros(1, self.layout.track)
+        self.desk[:] = self._first_desk
         self._allocate(64 * SNAPSHOT_EVERY)
 
     def process(self, readings: Records, *, covariances: bool = False) -> Records:
@@ -59,25 +67,38 @@ class Engine:
             (k,) reports, in the same order: a view that the next call overwrites.
         """
         count = readings.shape[0]
+        if readings.dtype is not self._reading or (count > 1 and not readings.flags.c_contiguous):
+            readings = np.ascontiguousarray(readings, self._reading)
+        if count == 1 and not covariances:
+            self._report_bytes[:] = self._blank
+            reports, into = self._report, self._nobody_asks
+        else:
+            reports, into = self._room(count, covariances)
+        done = self._step(readings, reports, into)
+        while done < count:
+            self._grow()
+            done += self._step(readings[done:], reports[done:], into[done:])
+        return reports
+
+    def _room(self, count: int, covariances: bool) -> tuple[Records, NDArray[np.float64]]:
+        """Zeroed reports for `count` readings, and as many covariances or none."""
         if self._reports.shape[0] < count:
             self._reports = np.zeros(count, self.layout.report)
-        n = self.layout.shape.errors
-        if covariances and self.covariances.shape[0] < count:
-            self.covariances = np.zeros((count, n, n))
         reports = self._reports[:count]
         reports.view(np.uint8)[:] = 0
-        into = self.covariances[:count] if covariances else self.covariances[:0]
-        done = 0
-        while done < count:
-            taken = self._run(
-                self.track, self.desk, self._design, self._work, self._spares,
-                self._ring, self._snapshots, self._marks,
-                readings[done:], reports[done:], into[done:],
-            )  # fmt: skip
-            done += taken
-            if done < count:
-                self._grow()
-        return reports
+        if not covariances:
+            return reports, self._nobody_asks
+        n = self.layout.shape.errors
+        if self.covariances.shape[0] < count:
+            self.covariances = np.zeros((count, n, n))
+        return reports, self.covariances[:count]
+
+    def _step(self, readings: Records, reports: Records, into: NDArray[np.float64]) -> int:
+        """Call the step; the first call, which compiles it, also finds the way past its dispatcher."""
+        taken = self._run(*self._kept, readings, reports, into)
+        if not self._is_direct:
+            self._run, self._is_direct = direct(self._run), True
+        return taken
 
     def outputs(self, x: NDArray[np.float64]) -> dict[str, float]:
         """Derived outputs of one state vector (n,), by name."""
@@ -131,6 +152,11 @@ class Engine:
         self._ring: Records = np.zeros(capacity, self.layout.reading)
         self._snapshots: Records = np.zeros(kept, self.layout.track)
         self._marks: NDArray[np.int64] = np.full(kept, -1, np.int64)
+        # The step's first arguments, which are the same for every call until the history grows.
+        self._kept = (
+            self.track, self.desk, self._design, self._work, self._spares,
+            self._ring, self._snapshots, self._marks,
+        )  # fmt: skip
 
     def _grow(self) -> None:
         """Double the history: a reading inside the horizon must always find its place."""
