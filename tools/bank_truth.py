@@ -57,7 +57,7 @@ def corrected(P: Floats, C: Floats, R: Floats) -> tuple[Floats, Floats]:
     """Gain and posterior (Joseph)."""
     M = np.linalg.solve(C @ P @ C.T + R, C @ P).T
     kept = np.eye(P.shape[0]) - M @ C
-    return M, kept @ P @ kept.T + M @ R @ M.T
+    return np.asarray(M, dtype=np.float64), kept @ P @ kept.T + M @ R @ M.T
 
 
 def optimal(system: System, steps: int) -> Floats:

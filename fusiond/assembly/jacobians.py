@@ -13,6 +13,8 @@ from fusiond.errors import ConfigError
 
 STEP = 1e-6
 TOLERANCE = 1e-5
+ROUNDING = 1e-9
+"""Of a row's largest element, which drowns the differences of its smallest: states may be in nanometres."""
 
 
 def numerical_jacobian(difference: Callable[[Array, Array], Array], dimensions: int, scale: Array) -> Array:
@@ -32,7 +34,8 @@ def numerical_jacobian(difference: Callable[[Array, Array], Array], dimensions: 
 
 def _compare(subject: str, what: str, written: Array, measured: Array) -> None:
     """Raise ConfigError naming the first element that is wrong."""
-    wrong = np.abs(written - measured) > TOLERANCE * (1.0 + np.abs(measured))
+    rounding = ROUNDING * np.max(np.abs(measured), axis=1, keepdims=True, initial=0.0)
+    wrong = np.abs(written - measured) > TOLERANCE * (1.0 + np.abs(measured)) + rounding
     for i, j in np.argwhere(wrong):
         raise ConfigError(
             f"{subject}: {what}[{i}, {j}] is {written[i, j]:.6g}, its own function says {measured[i, j]:.6g}; "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -24,7 +26,7 @@ CV = System(
 )
 
 
-def with_R(system, R):
+def heard_with(system, R):
     return System(
         system.A, system.Q, (system.C[0],) * len(R), tuple(r * ONE for r in R), np.eye(len(system.A))
     )
@@ -55,7 +57,7 @@ def intersected(covariances):
 @pytest.mark.parametrize("plant", ["reference", "constant velocity"])
 def test_federated_without_reset_is_centralized_where_sensors_share_their_output(plant, R):
     """Shares proportional to information: 1.000 +- 0.002 in true and in reported covariance, unequal R included."""
-    system = with_R(sharing(R) if plant == "reference" else CV, R)
+    system = heard_with(sharing(R) if plant == "reference" else CV, R)
     known = bank(system, by_information(system), summed, 400)
     assert known.loss == pytest.approx(1.0, abs=0.002)
     assert known.caution == pytest.approx(1.0, abs=0.002)
@@ -167,7 +169,7 @@ def test_it_diverges_on_an_unstable_plant():
     to hold it, and by then that gain injects its noise: 5557 for an optimum of 0.0099."""
     system = System(1.5 * ONE, ONE, (ONE, ONE), (0.01 * ONE, 1e6 * ONE), ONE)
     growing = [averaged(system, steps).loss for steps in (20, 40, 60, 80, 100)]
-    assert all(later > 1.3 * earlier for earlier, later in zip(growing, growing[1:], strict=False))
+    assert all(later > 1.3 * earlier for earlier, later in itertools.pairwise(growing))
     known = averaged(system, 400)
     assert float(known.optimal[0, 0]) == pytest.approx(0.0099, rel=0.005)
     assert float(known.true[0, 0]) == pytest.approx(5557.0, rel=0.005)
