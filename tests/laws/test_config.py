@@ -48,7 +48,7 @@ MISTAKES = {
         '"dircet"',
         "cart.toml: sensor.sonar: no kind `dircet`; did you mean `direct`?",
     ),
-    "no kind": ('kind = "direct"', "", "sensor.sonar: `kind` is missing; choose from beacon_range, direct,"),
+    "no kind": ('kind = "direct"', "", "sensor.sonar: `kind` is missing; choose from "),
     "a model misspelt": (
         '"driven_point_mass"',
         '"driven_mass"',
