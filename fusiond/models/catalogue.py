@@ -13,16 +13,24 @@ from fusiond.models import (
     planar_constant_velocity,
     planar_robot,
     single_track,
+    strapdown,
 )
 from fusiond.models.sensors import (
+    attitude,
+    barometer,
     beacon_range,
     direct,
+    gnss_position,
+    gnss_velocity,
     gps_course,
     gps_position,
     heading,
+    magnetic_field,
     radar,
     wheel_speed,
+    wheel_velocity,
     yaw_rate,
+    zero_velocity,
 )
 from fusiond.models.sensors import linear as linear_sensor
 
@@ -35,16 +43,24 @@ PROCESSES: dict[str, ModuleType] = {
     "planar_constant_velocity": planar_constant_velocity,
     "planar_robot": planar_robot,
     "single_track": single_track,
+    "strapdown": strapdown,
 }
 
 SENSORS: dict[str, ModuleType] = {
+    "attitude": attitude,
+    "barometer": barometer,
     "beacon_range": beacon_range,
     "direct": direct,
+    "gnss_position": gnss_position,
+    "gnss_velocity": gnss_velocity,
     "gps_course": gps_course,
     "gps_position": gps_position,
     "heading": heading,
     "linear": linear_sensor,
+    "magnetic_field": magnetic_field,
     "radar": radar,
     "wheel_speed": wheel_speed,
+    "wheel_velocity": wheel_velocity,
     "yaw_rate": yaw_rate,
+    "zero_velocity": zero_velocity,
 }

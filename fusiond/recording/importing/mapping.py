@@ -16,9 +16,11 @@ Where a row comes from: `file`; `topic` (bags, MCAP); `key` (MAT); `time_file` a
 When it was: `time` (column, index, dotted field, or "log_time") with `time_unit`, the same for `arrival`, and
 `seq`.
 A value is `from` a column, index or dotted field (scale, offset, convert, wrap), `east_of` / `north_of` a
-latitude and a longitude in degrees, or `yaw_of` a quaternion [x, y, z, w] from body to world, or `forward_of`
+latitude and a longitude in degrees, or `roll_of`, `pitch_of`, `yaw_of` (z-y-x angles) a quaternion
+[x, y, z, w] from body to world, or `forward_of`
 / `left_of` a velocity [x, y, z] of the body: what is left of it in the horizontal plane, ahead and to the
 left, by the newest orientation of the table [attitude] (`quaternion = [x, y, z, w]`, a place and a clock).
+Fields that are not in degrees or the like are multiplied by `field_scale` first (1e-7 for latitudes in 1e-7 deg).
 
 `[truth]` (or several `[[truth]]`) is written like a sensor, with names of states or outputs; `[origin]` has
 the latitude and longitude, deg, that east and north count from (without it the first position).
@@ -43,9 +45,11 @@ Field = str | int
 
 PLACE = {"file", "topic", "key", "time_file", "value_file", "delimiter", "header", "where"}
 CLOCK = {"time", "time_unit", "arrival", "arrival_unit", "seq"}
-KINDS = {"from": 1, "east_of": 2, "north_of": 2, "yaw_of": 4, "forward_of": 3, "left_of": 3}
+KINDS = {
+    "from": 1, "east_of": 2, "north_of": 2, "roll_of": 4, "pitch_of": 4, "yaw_of": 4, "forward_of": 3, "left_of": 3,
+}  # fmt: skip
 """What a number is made of, and of how many fields."""
-VALUE = {"name", "unit", "scale", "offset", "convert", "wrap", *KINDS}
+VALUE = {"name", "unit", "field_scale", "scale", "offset", "convert", "wrap", *KINDS}
 ATTITUDE = "attitude"
 """Name of the source that gives the body's orientation; no sensor may have it."""
 CONVERSIONS = ("deg_to_rad", "km_h_to_m_s", "course_deg_to_yaw_rad")
@@ -53,7 +57,7 @@ CONVERSIONS = ("deg_to_rad", "km_h_to_m_s", "course_deg_to_yaw_rad")
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """One number of a reading. `kind` is one of KINDS, `fields` what it is made of."""
+    """One number of a reading. `kind` is one of KINDS, `fields` what it is made of, each times `field_scale`."""
 
     name: str
     unit: str
@@ -63,6 +67,7 @@ class Value:
     offset: float
     convert: str
     wrap: bool
+    field_scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,12 +275,13 @@ def value_of(table: Any, subject: str) -> Value:
         raise ConfigError(f"{subject}.convert: {convert!r} is unknown; write one of {', '.join(CONVERSIONS)}")
     if "name" not in table:
         raise ConfigError(f"{subject}: has no name; add `name` and `unit` of the number as it comes out")
-    numbers = {key: table.get(key, default) for key, default in (("scale", 1.0), ("offset", 0.0))}
+    numbers = {key: table.get(key, default) for key, default in (("field_scale", 1.0), ("scale", 1.0), ("offset", 0.0))}
     if not all(isinstance(n, int | float) for n in numbers.values()):
-        raise ConfigError(f"{subject}: scale and offset are numbers; correct {numbers}")
+        raise ConfigError(f"{subject}: field_scale, scale and offset are numbers; correct {numbers}")
     return Value(
         str(table["name"]), str(table.get("unit", "")), kind, fields,
         float(numbers["scale"]), float(numbers["offset"]), convert, bool(table.get("wrap", False)),
+        float(numbers["field_scale"]),
     )  # fmt: skip
 
 

@@ -67,11 +67,25 @@ def yaw_rad(x: float, y: float, z: float, w: float) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
+def roll_rad(x: float, y: float, z: float, w: float) -> float:
+    """Rotation of a quaternion about the body's x axis, the last of its z-y-x angles."""
+    return math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+
+
+def pitch_rad(x: float, y: float, z: float, w: float) -> float:
+    """Rotation of a quaternion about the turned y axis, the second of its z-y-x angles: within a quarter turn."""
+    return math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+
+
 def number_of(value: Value, row: Row, frames: Frames) -> float:
     """One number of a reading. Raises: MissingField; ValueError where the row has no number there."""
-    fields = [row.number(field) for field in value.fields]
+    fields = [row.number(field) * value.field_scale for field in value.fields]
     if value.kind == "from":
         number = fields[0]
+    elif value.kind == "roll_of":
+        number = roll_rad(*fields)
+    elif value.kind == "pitch_of":
+        number = pitch_rad(*fields)
     elif value.kind == "yaw_of":
         number = yaw_rad(*fields)
     elif value.kind in ("forward_of", "left_of"):
