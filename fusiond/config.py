@@ -75,8 +75,10 @@ class InitialSection(Section):
 
     state: Numbers = {}
     """Its mean; what is not named starts at 0."""
-    std: dict[str, NotNegative]
+    std: dict[str, NotNegative] = {}
     """Its standard deviation, of every state: 0 where it is known."""
+    covariance: list[list[float]] | None = None
+    """Its full covariance instead of std, states in the model's order; it may be singular."""
 
 
 class FilterSection(Section):

@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 from fusiond.assembly.observability import bears_a_filter
 from fusiond.assembly.plain import LOCAL, is_plain
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
+from fusiond.config import InitialSection
 from fusiond.engine.layout import FilterLayout, Layout, SensorLayout
 from fusiond.engine.records import Shape, design_dtype
 from fusiond.errors import ConfigError
+from fusiond.numerics.covariance import examine
 from fusiond.numerics.kernel import interpreted
 from fusiond.numerics.ud import ud_factor
-from fusiond.types import NANOSECONDS, nanoseconds
+from fusiond.types import NANOSECONDS, Slot, nanoseconds
 
 SILENT_PERIODS = 3.0
 """Periods without a reading after which a sensor of known rate is silent, unless the configuration says otherwise."""
@@ -96,15 +98,33 @@ def _initial(resolved: Resolved, record: np.record) -> None:
     """Initial state and covariance."""
     process, initial = resolved.process, resolved.config.initial
     values = by_key(initial.state, process.states, "initial.state")
-    stds = by_key(initial.std, process.error_slots, "initial.std")
     for i, slot in enumerate(process.states):
         record["x0"][i] = values.get(slot.name, process.origin[i] if process.origin else 0.0)
         record["angle"][i] = slot.name in process.angles
-    for i, slot in enumerate(process.error_slots):
-        if slot.name not in stds:
-            raise ConfigError(f"initial.std: `{slot.key}` is missing; say how well it is known at the start")
-        record["d0"][i] = stds[slot.name] ** 2
-        record["U0"][i, i] = 1.0
+    record["U0"], record["d0"] = factored(_initial_covariance(initial, process.error_slots))
+
+
+def _initial_covariance(initial: InitialSection, slots: tuple[Slot, ...]) -> NDArray[np.float64]:
+    """(n, n) of the error slots; raises ConfigError."""
+    if initial.covariance is None:
+        stds = by_key(initial.std, slots, "initial.std")
+        for slot in slots:
+            if slot.name not in stds:
+                raise ConfigError(
+                    f"initial.std: `{slot.key}` is missing; say how well it is known at the start"
+                )
+        return np.diag([stds[slot.name] ** 2 for slot in slots])
+    if initial.std:
+        raise ConfigError("initial: has std and covariance; keep one of them")
+    n, rows = len(slots), initial.covariance
+    if {len(row) for row in rows} != {n} or len(rows) != n:
+        raise ConfigError(f"initial.covariance: is not {n} x {n}; one row and one column a state")
+    P = np.array(rows, dtype=float)
+    if not examine(P).sound(regular=False):
+        raise ConfigError(
+            "initial.covariance: is not symmetric and positive semi-definite; check its numbers, or give std"
+        )
+    return P
 
 
 def _silence_ns(sensor: ResolvedSensor) -> int:
