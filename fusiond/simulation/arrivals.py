@@ -21,9 +21,13 @@ def of_sensor(setting: PerSensor, sensor: str) -> float:
     return setting.get(sensor, 0.0) if isinstance(setting, Mapping) else setting
 
 
-def stamp_order(reading: Reading) -> tuple[int, str]:
-    """The order in which readings are taken: by stamp, then by name."""
-    return reading.t_ns, reading.sensor
+DRIVING = frozenset({"accelerometer", "applied", "speed"})
+"""Sensors that tell what moved the plant up to their stamp; at equal stamps they are read before the others."""
+
+
+def stamp_order(reading: Reading) -> tuple[int, bool, str]:
+    """The order in which readings are taken: by stamp, what drives first, then by name."""
+    return reading.t_ns, reading.sensor not in DRIVING, reading.sensor
 
 
 def arrive(
@@ -33,7 +37,7 @@ def arrive(
 
     Each arrives delay + uniform(0, jitter) after its stamp, independently, so readings of one sensor may
     overtake each other too, and none is later than delay + jitter. Equal arrivals keep the order of the
-    stamps, then of the names.
+    stamps, then what drives first, then of the names.
     """
     ordered = sorted(readings, key=stamp_order)
     rng = {name: stream(seed, f"arrival/{name}") for name in {reading.sensor for reading in ordered}}
