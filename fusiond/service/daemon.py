@@ -172,16 +172,13 @@ class Daemon:
         if self._stopping:
             return
         try:
-            self._take(arrivals)
+            readings = take(arrivals, self._intake.sensor_of, self._decoder)
+            if len(readings):
+                reports = self._process(readings)
+                self._counters.note(readings, reports)
         except Exception as error:
             self._failure = error
             self.stop()
-
-    def _take(self, arrivals: list[Arrival]) -> None:
-        readings = take(arrivals, self._intake.sensor_of, self._decoder)
-        if len(readings):
-            reports = self._process(readings)
-            self._counters.note(readings, reports)
 
     def _process(self, readings: NDArray[Any]) -> NDArray[Any]:
         reports: NDArray[Any] = self.engine.process(readings)

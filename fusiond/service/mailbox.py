@@ -53,12 +53,8 @@ class Mailbox:
                 self.baton.release()
 
     def _take(self) -> list[Arrival]:
-        """What waits, at most `most`. A writer may drop the oldest meanwhile, so that there is less than counted."""
+        """What waits, at most `most`. Only the holder of the baton takes; a full queue drops one only for another."""
         queue = self._queue
-        taken: list[Arrival] = []
-        try:
-            for _ in range(min(len(queue), self._most)):
-                taken.append(queue.popleft())
-        except IndexError:
-            pass
-        return taken
+        if len(queue) == 1:
+            return [queue.popleft()]
+        return [queue.popleft() for _ in range(min(len(queue), self._most))]

@@ -41,14 +41,15 @@ class EstimateMessage:
         outputs: Mapping[str, float] | None,
     ) -> Message:  # fmt: skip
         """One estimate; `outputs` (numbers derived from the state) stand in it where the model has any."""
-        message: Message = {"t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch, "resets": resets}
-        if not math.isfinite(sum(x) + sum(std)):
-            return message | {"state": {}, "std": {}, "health": INVALID}
-        message["state"] = dict(zip(self._names, x, strict=True))
-        message["std"] = dict(zip(self._errors, std, strict=True))
-        if outputs is not None:
+        sound = math.isfinite(sum(x) + sum(std))
+        message: Message = {
+            "t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch, "resets": resets,
+            "state": dict(zip(self._names, x, strict=True)) if sound else {},
+            "std": dict(zip(self._errors, std, strict=True)) if sound else {},
+            "health": SERVICE_LABELS[service] if sound else INVALID,
+        }  # fmt: skip
+        if sound and outputs is not None:
             message["outputs"] = outputs
-        message["health"] = SERVICE_LABELS[service]
         return message
 
 

@@ -36,7 +36,9 @@ class ReadingBatch:
         self._dtype = dtype
         self._size = dtype.itemsize
         self._r_at = int(fields["R"][1])
-        self._zeros = bytes(self._size)
+        # What follows the numbers of a reading, by how many of them are kept.
+        rest = self._size - HEAD.size
+        self._padding = [bytes(rest - 8 * kept) for kept in range(self.payload + 1)]
         self._allot(FIRST_CAPACITY)
 
     def clear(self) -> None:
@@ -45,7 +47,7 @@ class ReadingBatch:
 
     def view(self) -> NDArray[Any]:
         """The readings so far, valid until the next `clear`."""
-        return self._array[: self.count]
+        return self._first if self.count == 1 else self._array[: self.count]
 
     def reserve(self, more: int) -> NDArray[Any]:
         """The next `more` records, zeroed, to be filled by whole columns."""
@@ -56,7 +58,7 @@ class ReadingBatch:
         self.count += more
         return out
 
-    def add(self, sensor: int, arrival_ns: int, t_ns: int, seq: int | None, z: bytes | memoryview) -> None:
+    def add(self, sensor: int, arrival_ns: int, t_ns: int, seq: int | None, z: bytes) -> None:
         """Append one reading.
 
         Args:
@@ -64,15 +66,14 @@ class ReadingBatch:
         """
         if self.count == self._capacity:
             self._grow()
-        at = self.count * self._size
-        data = self._data
-        data[at : at + self._size] = self._zeros
         length = len(z) // 8
         flags = HAS_ARRIVAL if seq is None else HAS_ARRIVAL | HAS_SEQ
-        HEAD.pack_into(data, at, t_ns, arrival_ns, seq or 0, sensor, length, flags)
-        kept = min(length, self.payload) * 8
-        at += HEAD.size
-        data[at : at + kept] = z[:kept]
+        head = HEAD.pack(t_ns, arrival_ns, seq or 0, sensor, length, flags)
+        if length > self.payload:
+            length = self.payload
+            z = z[: 8 * length]
+        at = self.count * self._size
+        self._data[at : at + self._size] = head + z + self._padding[length]
         self.count += 1
 
     def add_covariance(self, rows: Sequence[Sequence[float]]) -> None:
@@ -94,6 +95,7 @@ class ReadingBatch:
         self._capacity = capacity
         self._data = bytearray(capacity * self._size)
         self._array: NDArray[Any] = np.frombuffer(self._data, self._dtype)
+        self._first = self._array[:1]
 
     def _grow(self) -> None:
         before = self._data

@@ -5,9 +5,10 @@ Nothing a sensor sends raises here: what is no reading is counted by reason, per
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import zenoh
 from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
@@ -18,6 +19,7 @@ from fusiond.types import Verdict
 
 TEXT_ENCODINGS = ("application/json", "text/json", "text/plain", "zenoh/string", "zenoh/bytes")
 """Read as JSON: what people's tools set, and what Zenoh sets where they set nothing."""
+RECORD = zenoh.Encoding(reading_record.ENCODING)
 MOST_BYTES = 1 << 20
 """Longest put that is looked at: 1 MiB, some 25,000 records of two numbers."""
 UNKNOWN = -2
@@ -56,42 +58,52 @@ class Decoder:
     def add(self, sensor: int, arrival_ns: int, encoding: str, payload: bytes) -> None:
         """Decode one put of one sensor (its number, or UNKNOWN)."""
         if sensor == UNKNOWN:
-            self.refusals.add(Verdict.UNKNOWN_SENSOR, "a key of no configured sensor")
-            return
-        if encoding == reading_record.ENCODING and len(payload) <= MOST_BYTES:
+            self._unknown()
+        elif encoding == reading_record.ENCODING and len(payload) <= MOST_BYTES:
             if self._run and (sensor != self._run_sensor or len(payload) != self._run_length):
                 self._end_run()
             self._run_sensor, self._run_length = sensor, len(payload)
             self._run.append(payload)
             self._run_arrivals_ns.append(arrival_ns)
-            return
-        if self._run:
-            self._end_run()
-        if len(payload) > MOST_BYTES:
-            refused = [Verdict.MALFORMED]
-        elif encoding.startswith(TEXT_ENCODINGS):
-            refused = reading_json.decode_json(payload, self.layout.sensors[sensor], arrival_ns, self.batch)
         else:
-            refused = [Verdict.MALFORMED]
-        for verdict in refused:
-            self._count(sensor, verdict)
+            if self._run:
+                self._end_run()
+            self._count(sensor, self._text(sensor, arrival_ns, encoding, payload))
+
+    def add_record(self, sensor: int, arrival_ns: int, payload: bytes) -> None:
+        """Decode one put of records that stands alone: nothing behind it is worth waiting for."""
+        if sensor == UNKNOWN:
+            self._unknown()
+        elif len(payload) > MOST_BYTES:
+            self._count(sensor, [Verdict.MALFORMED])
+        elif refused := reading_record.decode_records(payload, sensor, arrival_ns, self.batch):
+            self._count(sensor, refused)
+
+    def _text(self, sensor: int, arrival_ns: int, encoding: str, payload: bytes) -> list[Verdict]:
+        """Decode what is no record, if it is JSON; a verdict for everything refused."""
+        if len(payload) > MOST_BYTES or not encoding.startswith(TEXT_ENCODINGS):
+            return [Verdict.MALFORMED]
+        return reading_json.decode_json(payload, self.layout.sensors[sensor], arrival_ns, self.batch)
 
     def _end_run(self) -> None:
         """Decode the records held back: puts of one sensor and length, one after the other."""
         sensor = self._run_sensor
-        for verdict in reading_record.decode_puts(self._run, sensor, self._run_arrivals_ns, self.batch):
-            self._count(sensor, verdict)
+        self._count(sensor, reading_record.decode_puts(self._run, sensor, self._run_arrivals_ns, self.batch))
         self._run.clear()
         self._run_arrivals_ns.clear()
 
-    def _count(self, sensor: int, verdict: Verdict) -> None:
-        self.refusals.add(verdict, f"sensor {self.layout.sensors[sensor].name}")
-        counts = self.refused_by_sensor[sensor]
-        counts[verdict.label] = counts.get(verdict.label, 0) + 1
+    def _unknown(self) -> None:
+        self.refusals.add(Verdict.UNKNOWN_SENSOR, "a key of no configured sensor")
+
+    def _count(self, sensor: int, refused: list[Verdict]) -> None:
+        for verdict in refused:
+            self.refusals.add(verdict, f"sensor {self.layout.sensors[sensor].name}")
+            counts = self.refused_by_sensor[sensor]
+            counts[verdict.label] = counts.get(verdict.label, 0) + 1
 
 
 def take(
-    arrivals: Iterable[tuple[int, int, Any]], sensor_of: Callable[[int, Any], int], decoder: Decoder
+    arrivals: Sequence[tuple[int, int, Any]], sensor_of: Callable[[int, Any], int], decoder: Decoder
 ) -> NDArray[Any]:
     """The readings of arrivals, in their order; valid until the next call.
 
@@ -100,8 +112,14 @@ def take(
         sensor_of: sensor number, UNKNOWN or IGNORED of (route, sample).
     """
     decoder.begin()
+    alone = len(arrivals) == 1
     for arrival_ns, route, sample in arrivals:
         sensor = sensor_of(route, sample)
-        if sensor != IGNORED:
+        if sensor == IGNORED:
+            continue
+        # Comparing encodings is cheaper than writing one out.
+        if alone and sample.encoding == RECORD:
+            decoder.add_record(sensor, arrival_ns, sample.payload.to_bytes())
+        else:
             decoder.add(sensor, arrival_ns, str(sample.encoding), sample.payload.to_bytes())
     return decoder.readings()
