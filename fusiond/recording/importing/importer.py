@@ -102,6 +102,7 @@ class Reader:
     t_ns: tuple[int, int] | None = None
     _seen: set[str] = field(default_factory=set)
     _before: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    _first: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def readings(self) -> Iterator[tuple[Source, RowReading]]:
         """Readings of all files with their source, merged by arrival (by stamp where the mapping names no
@@ -114,7 +115,7 @@ class Reader:
                     x, y, z, w = (row.number(field) for field in source.values[0].fields)
                     self.frames.attitude = (x, y, z, w)
                     continue
-                reading = reading_of(row, source, self.frames)
+                reading = reading_of(row, source, self.frames, self._stamp_ns(row, number, source))
             except (MissingField, ValueError, OverflowError) as error:
                 self._refuse(error, number, source)
                 continue
@@ -161,6 +162,14 @@ class Reader:
                     continue
                 yield latest, number, source, row
 
+    def _stamp_ns(self, row: Row, number: int, source: Source) -> int:
+        """The row's own time, or the steady clock's that began with the source's first row."""
+        t_ns = row.time_ns(source.time, source.time_unit)
+        if not source.every_ns:
+            return t_ns
+        first, first_ns = self._first.setdefault(source.name, (number, t_ns))
+        return first_ns + (number - first) * source.every_ns
+
     def _refuse(self, error: Exception, number: int, source: Source) -> None:
         if isinstance(error, MissingField) and source.name not in self._seen:
             raise ConfigError(f"sensor.{source.name}: the recording {error}; correct the mapping") from error
@@ -174,12 +183,12 @@ def recorded_ns(row: Row, source: Source) -> int:
     return row.time_ns(source.arrival, source.arrival_unit)
 
 
-def reading_of(row: Row, source: Source, frames: Frames) -> RowReading:
-    """One reading. Raises: MissingField; ValueError where a number is none."""
+def reading_of(row: Row, source: Source, frames: Frames, t_ns: int) -> RowReading:
+    """One reading, stamped t_ns. Raises: MissingField; ValueError where a number is none."""
     arrival_ns = None if source.arrival is None else row.time_ns(source.arrival, source.arrival_unit)
     seq = None if source.seq is None else int(row.text(source.seq))
     z = tuple(number_of(value, row, frames) for value in source.values)
-    return RowReading(row.time_ns(source.time, source.time_unit), arrival_ns, seq, z)
+    return RowReading(t_ns, arrival_ns, seq, z)
 
 
 def fill(out: Any, sensor: int, reading: RowReading) -> None:

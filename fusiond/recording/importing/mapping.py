@@ -14,7 +14,8 @@
 Where a row comes from: `file`; `topic` (bags, MCAP); `key` (MAT); `time_file` and `value_file` (numpy pairs);
 `delimiter` ("," or "whitespace") and `header` for text; `where = { column = 0, equals = "L" }`.
 When it was: `time` (column, index, dotted field, or "log_time") with `time_unit`, the same for `arrival`, and
-`seq`.
+`seq`. With `every_s`, rows are samples of a steady clock, that many seconds apart from the first row's `time` on:
+for a logger that stamps rows when it writes them.
 A value is `from` a column, index or dotted field (scale, offset, convert, wrap), `east_of` / `north_of` a
 latitude and a longitude in degrees, or `roll_of`, `pitch_of`, `yaw_of` (z-y-x angles) a quaternion
 [x, y, z, w] from body to world, or `forward_of`
@@ -38,13 +39,13 @@ from fusiond.engine.layout import Layout, SensorLayout
 from fusiond.engine.records import Shape
 from fusiond.errors import ConfigError
 from fusiond.recording.decimal_time import DIGITS
-from fusiond.types import Role, Slot
+from fusiond.types import NANOSECONDS, Role, Slot
 
 Field = str | int
 """A column's name, a column's or element's index, or a dotted field of a message."""
 
 PLACE = {"file", "topic", "key", "time_file", "value_file", "delimiter", "header", "where"}
-CLOCK = {"time", "time_unit", "arrival", "arrival_unit", "seq"}
+CLOCK = {"time", "time_unit", "every_s", "arrival", "arrival_unit", "seq"}
 KINDS = {
     "from": 1, "east_of": 2, "north_of": 2, "roll_of": 4, "pitch_of": 4, "yaw_of": 4, "forward_of": 3, "left_of": 3,
 }  # fmt: skip
@@ -86,12 +87,13 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One sensor, or the truth: a place, a clock and values."""
+    """One sensor, or the truth: a place, a clock and values. `every_ns` is 0 where each row's time is its own."""
 
     name: str
     place: Place
     time: Field
     time_unit: str
+    every_ns: int
     arrival: Field | None
     arrival_unit: str
     seq: Field | None
@@ -224,14 +226,17 @@ def source_of(name: str, table: Mapping[str, Any], subject: str) -> Source:
             raise ConfigError(
                 f"{subject}.{key}: {unit!r} is no unit of time here; write one of {', '.join(DIGITS)}"
             )
+    every_s = table.get("every_s", 0.0)
+    if not isinstance(every_s, int | float) or not 0.0 <= every_s < float("inf"):
+        raise ConfigError(f"{subject}.every_s: {every_s!r} is no period; write seconds, or leave it out")
     values = tuple(value_of(v, f"{subject}.values[{k}]") for k, v in enumerate(table.get("values", ())))
     if not values:
         raise ConfigError(
             f"{subject}: has no values; add `values = [{{ name = ..., unit = ..., from = ... }}]`"
         )
     return Source(
-        name, place_of(table, subject), table["time"], units["time_unit"], table.get("arrival"),
-        units["arrival_unit"], table.get("seq"), values, bool(table.get("on_change", False)),
+        name, place_of(table, subject), table["time"], units["time_unit"], round(every_s * NANOSECONDS),
+        table.get("arrival"), units["arrival_unit"], table.get("seq"), values, bool(table.get("on_change", False)),
     )  # fmt: skip
 
 
@@ -275,7 +280,10 @@ def value_of(table: Any, subject: str) -> Value:
         raise ConfigError(f"{subject}.convert: {convert!r} is unknown; write one of {', '.join(CONVERSIONS)}")
     if "name" not in table:
         raise ConfigError(f"{subject}: has no name; add `name` and `unit` of the number as it comes out")
-    numbers = {key: table.get(key, default) for key, default in (("field_scale", 1.0), ("scale", 1.0), ("offset", 0.0))}
+    numbers = {
+        key: table.get(key, default)
+        for key, default in (("field_scale", 1.0), ("scale", 1.0), ("offset", 0.0))
+    }
     if not all(isinstance(n, int | float) for n in numbers.values()):
         raise ConfigError(f"{subject}: field_scale, scale and offset are numbers; correct {numbers}")
     return Value(
