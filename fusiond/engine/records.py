@@ -137,8 +137,8 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     """
     n, s, m = shape.errors, shape.sensors, shape.payload
     return record(
-        ("x0", "<f8", (shape.states,)), ("U0", "<f8", (n, n)), ("d0", "<f8", (n,)), ("p", "<f8", (shape.model_parameters,)),
-        ("angle", "<i4", (shape.states,)),
+        ("x0", "<f8", (shape.states,)), ("U0", "<f8", (n, n)), ("d0", "<f8", (n,)),
+        ("p", "<f8", (shape.model_parameters,)), ("angle", "<i4", (shape.states,)),
         ("role", "<i4", (s,)), ("length", "<i4", (s,)), ("dof", "<i4", (s,)),
         ("lower", "<f8", (s, m)), ("upper", "<f8", (s, m)),
         ("R_U", "<f8", (s, m, m)), ("R_d", "<f8", (s, m)), ("R", "<f8", (s, m)),
@@ -159,8 +159,8 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
     """
     n, m, ni, q = shape.errors, shape.payload, shape.inputs, shape.noises
     return record(
-        ("x", "<f8", (shape.states,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)), ("G", "<f8", (n, q)),
-        ("q", "<f8", (q,)), ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)),
+        ("x", "<f8", (shape.states,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)),
+        ("G", "<f8", (n, q)), ("q", "<f8", (q,)), ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)),
         ("h", "<f8", (m,)), ("H", "<f8", (m, n)), ("nu", "<f8", (m,)), ("R_U", "<f8", (m, m)), ("R_d", "<f8", (m,)),
         ("R", "<f8", (m, m)), ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("dx", "<f8", (n,)),
         ("cache_dt_ns", "<i8", (CACHE,)), ("cache_F", "<f8", (CACHE, n, n)), ("cache_B", "<f8", (CACHE, n, ni)),

@@ -29,9 +29,8 @@ PROPERTIES: dict[str, dict[str, object]] = {
     },
     "fusiond.Health": {"t": TIME, "seq": SEQ, "service": {"type": "string"}, "sensors": {"type": "object"}},
     "fusiond.Event": {
-        "t": TIME, "t_ns": {"type": "integer"}, "epoch": {}, "id": {}, "sensor": {}, "from": {"type": "string"}, "to": {"type":
-        "string"},
-        "fault": {},
+        "t": TIME, "t_ns": {"type": "integer"}, "epoch": {}, "id": {}, "sensor": {},
+        "from": {"type": "string"}, "to": {"type": "string"}, "fault": {},
     },
 }  # fmt: skip
 """The properties of each message; those without a type may be of several."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.laws.engine_rig import MS, SECOND, filters, reading, rig, stream
 
 from fusiond.engine.layout import FilterLayout
 from fusiond.types import RESET, Action, ServiceHealth, Verdict
+from tests.laws.engine_rig import MS, SECOND, filters, reading, rig, stream
 
 
 def reset_event(layout, t_ns):
