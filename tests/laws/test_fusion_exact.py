@@ -7,89 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusiond.filters import conventional, information, joseph
+from fusiond.filters import joseph
 from fusiond.filters.innovation import Innovation
-from fusiond.fusion import centralized, federated, information_sum
-from tests.laws.seed_004_plant import ONE, A, B, C, noise
-
-ROWS = (C, C, np.array([[0.0, 1.0, -0.5]]))
-"""Three sensors, two of them on one output."""
-R = (1.0 * ONE, 25.0 * ONE, 0.3 * ONE)
-SHARES = (0.5, 0.2, 0.3)
-Q = noise(2.3) + 0.01 * np.eye(3)
-
-
-LAG = np.array([0.3, -0.2, 0.1])
-"""A node of the information sum looks from its own mean, not from the centre's."""
-
-
-def stacked(x, P, parts):
-    return joseph.update(x, P, centralized.stacked(list(parts.values())))
-
-
-def in_turn(x, P, parts):
-    return centralized.update_sequential(x, P, list(parts.values()), joseph.update)
-
-
-def as_information(x, P, parts):
-    return information.update_together(x, P, list(parts.values()))
-
-
-def federated_reset(x, P, parts):
-    """Every sensor's own filter holds a share of the prior, meets its own reading, and all are merged."""
-    own = [(x, P_i) for P_i in federated.split(P, SHARES)]
-    for i, part in parts.items():
-        own[i] = joseph.update(*own[i], part)
-    return federated.merge(own)
-
-
-def information_summed(x, P, parts):
-    """Every reading is taken at its node's own mean, x + LAG."""
-    after = x
-    for part in parts.values():
-        at_node = Innovation(part.nu - part.H @ LAG, part.H, part.R)
-        after, P = information_sum.absorb(after, P, x + LAG, at_node)
-    return after, P
-
-
-MODES = (stacked, in_turn, as_information, federated_reset, information_summed)
-
-
-def readings(rng, truth):
-    """What the sensors that speak this time say, by number, in random order; about a third stay silent."""
-    spoke = [i for i in rng.permutation(3).tolist() if rng.random() > 0.3]
-    return {i: ROWS[i] @ truth + np.sqrt(R[i][0]) * rng.standard_normal() for i in spoke}
-
-
-def difference(mine, theirs):
-    """Largest difference of x and P, relative to the deviations."""
-    (x, P), (x_ref, P_ref) = mine, theirs
-    s = np.sqrt(np.diagonal(P_ref))
-    return max(np.abs((x - x_ref) / s).max(), np.abs((P - P_ref) / s[:, None] / s[None, :]).max())
-
-
-def worst_differences(steps, seed=0):
-    """Run all modes side by side from the singular prior; largest difference of each from the first."""
-    rng = np.random.default_rng(seed)
-    held = {mode: (np.zeros(3), noise(2.3)) for mode in MODES}
-    worst, truth, root = dict.fromkeys(MODES, 0.0), B[:, 0] * rng.standard_normal(), np.linalg.cholesky(Q)
-    for k in range(steps):
-        z = readings(rng, truth)
-        drive = B[:, 0] * np.sin(k / 5.0)
-        for mode, (x, P) in held.items():
-            parts = {i: Innovation(value - ROWS[i] @ x, ROWS[i], R[i]) for i, value in z.items()}
-            after, P_after = mode(x, P, parts) if parts else (x, P)
-            held[mode] = A @ after + drive, conventional.predict(P_after, A, Q)
-            if k % 50 == 0 or k == steps - 1:
-                worst[mode] = max(worst[mode], difference(held[mode], held[stacked]))
-        truth = A @ truth + drive + root @ rng.standard_normal(3)
-    return worst
+from fusiond.fusion import federated, information_sum
+from tools.exact_modes import worst_differences
 
 
 def test_every_exact_mode_is_the_stacked_filter_over_100_000_steps():
     """Random order, random dropouts, from the singular prior: 1e-9 relative to the deviations."""
     for mode, seen in worst_differences(100_000).items():
-        assert seen <= 1e-9, mode.__name__
+        assert seen <= 1e-9, mode
 
 
 @given(seed=st.integers(0, 10**9))

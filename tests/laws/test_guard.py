@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusiond.filters import conventional, information, joseph, ud
+from fusiond.filters import conventional
 from fusiond.filters.innovation import Innovation
 from fusiond.numerics.covariance import POLICIES, examine, repair
 from tests.laws.test_ud import exact_posterior
+from tools.ill_conditioned import exact, outcome
 
 SEEDS = st.integers(0, 10**9)
 
@@ -117,38 +118,23 @@ def test_an_unknown_policy_is_a_programmers_mistake():
         repair(-np.eye(2), "jitter", before=np.eye(2), diagonal=np.ones(2), regular=False)
 
 
-UPDATES = {
-    "conventional": conventional.update, "joseph": joseph.update, "information": information.update, "ud": ud.update
-}  # fmt: skip
-
-
-def ill_conditioned(d):
-    """H = [1 1 1; 1 1 1+d], R = d^2 I, P0 = I; errors of P+ relative to exact fractions, and smallest eigenvalues."""
-    H, R = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 1.0 + d]]), np.diag([d * d, d * d])
-    exact = exact_posterior(np.eye(3), H, R)
-    out = {}
-    for name, update in UPDATES.items():
-        try:
-            P = update(np.zeros(3), np.eye(3), Innovation(np.zeros(2), H, R))[1]
-        except np.linalg.LinAlgError:
-            out[name] = np.inf, np.nan
-            continue
-        out[name] = np.linalg.norm(P - exact) / np.linalg.norm(exact), np.linalg.eigvalsh(0.5 * (P + P.T))[0]
-    return out
-
-
 def test_the_ill_conditioned_update_costs_what_the_table_says():
     """Grewal & Andrews: Model 1 loses definiteness, UD keeps the digits that any algorithm can."""
-    wide, narrow, least = ill_conditioned(1e-4), ill_conditioned(1e-6), ill_conditioned(1e-8)
-    assert wide["conventional"][0] < 1e-6
-    assert narrow["conventional"][0] > 1e-6
-    assert least["conventional"][0] > 0.1
-    assert least["joseph"][0] > 0.1
-    assert least["ud"][0] < 1e-7
-    for d, worst in ((1e-4, 1e-11), (1e-6, 1e-8), (1e-8, 1e-6), (1e-12, 1e-3)):
-        error, smallest = ill_conditioned(d)["ud"]
+    assert outcome("conventional", 1e-4)[0] < 1e-6
+    assert outcome("conventional", 1e-6)[0] > 1e-6
+    assert outcome("conventional", 1e-7)[1] < 0.0
+    assert outcome("conventional", 1e-8)[0] > 0.1
+    assert outcome("joseph", 1e-8)[0] > 0.1
+    for d, worst in ((1e-4, 1e-11), (1e-6, 1e-8), (1e-8, 1e-6), (1e-12, 1e-4)):
+        error, smallest = outcome("ud", d)
         assert error < worst
         assert smallest >= -1e-15
+
+
+@pytest.mark.parametrize("d", [1e-3, 1e-8])
+def test_the_fractions_agree_with_those_of_the_ud_laws(d):
+    H = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 1.0 + d]])
+    assert exact(d) == pytest.approx(exact_posterior(np.eye(3), H, np.diag([d * d, d * d])), rel=1e-15)
 
 
 @pytest.mark.parametrize("d", [1e-6, 1e-7, 1e-8])
