@@ -120,17 +120,18 @@ def transition(x: Vector, u: Vector, dt_s: float, p: Vector, x_next: Vector, F: 
         x_next[GYRO + i] = x[GYRO + i]
         x_next[ACCEL + i] = x[ACCEL + i]
         x_next[RATE + i] = rate[i]
-    _write_F(C, pushed, phi, dt_s, F)
-    _write_B(M, F, B)
+    _error_transition(C, pushed, phi, dt_s, F)
+    _input_effect(M, F, B)
 
 
 @kernel
-def _write_F(C: Rotation, pushed: Triple, phi: Triple, dt_s: float, F: Matrix) -> None:
+def _error_transition(C: Rotation, pushed: Triple, phi: Triple, dt_s: float, F: Matrix) -> None:
     """The transition of the error.
 
     A small turn theta at the start turns the force by as much: v moves by theta x pushed dt. A small rate moves the
-    attitude of the end by R(q) J_l(phi) dt = C (I + k [phi]x^2) dt, k = (1 - sinc(|phi| / 2)) / |phi|^2, that of
-    mid-interval by C J_r(phi / 2) dt / 2, J_r(phi / 2) = I + m [phi]x + k [phi]x^2 (Sola 2017, section 4.3; J_l, J_r: left and right Jacobians of SO(3)).
+    attitude of the end by R(q) J_l(phi) dt = C (I + k [phi]x^2) dt, k = (1 - sinc(|phi| / 2)) / |phi|^2, and that of
+    mid-interval by C J_r(phi / 2) dt / 2, J_r(phi / 2) = I + m [phi]x + k [phi]x^2. J_l, J_r: left and right
+    Jacobians of SO(3), Sola 2017, section 4.3; C is the attitude of mid-interval, R(q) that of the start.
     """
     half = 0.5 * math.sqrt(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2])
     # k by 1 - sinc(h) = h^2 sine_rest(h), h = |phi| / 2
@@ -144,9 +145,7 @@ def _write_F(C: Rotation, pushed: Triple, phi: Triple, dt_s: float, F: Matrix) -
         twice = cross(phi, once)
         kept = (e[0] + k * twice[0], e[1] + k * twice[1], e[2] + k * twice[2])
         end = turned(C, kept[0], kept[1], kept[2])
-        middle = turned(
-            C, kept[0] + m * once[0], kept[1] + m * once[1], kept[2] + m * once[2]
-        )
+        middle = turned(C, kept[0] + m * once[0], kept[1] + m * once[1], kept[2] + m * once[2])
         by_turn = cross(e, pushed)
         by_rate = cross(middle, pushed)
         for i in range(3):
@@ -160,7 +159,7 @@ def _write_F(C: Rotation, pushed: Triple, phi: Triple, dt_s: float, F: Matrix) -
 
 
 @kernel
-def _write_B(M: Rotation, F: Matrix, B: Matrix) -> None:
+def _input_effect(M: Rotation, F: Matrix, B: Matrix) -> None:
     """A reading moves the error as a bias does, the other way round, through the mounting."""
     for j in range(3):
         for i in range(V + 3):

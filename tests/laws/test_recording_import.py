@@ -15,7 +15,15 @@ from mcap.writer import Writer
 from fusiond.errors import ConfigError, LogError
 from fusiond.recording.importing import import_recording
 from fusiond.recording.importing.mapping import mapping_of
-from fusiond.recording.importing.numbers import EQUATOR_M, Frames, Projection, converted, yaw_rad
+from fusiond.recording.importing.numbers import (
+    EQUATOR_M,
+    Frames,
+    Projection,
+    converted,
+    pitch_rad,
+    roll_rad,
+    yaw_rad,
+)
 from fusiond.recording.log import open_log
 from fusiond.types import Verdict
 
@@ -37,6 +45,27 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
 def test_yaw_is_that_of_the_quaternion(roll, pitch, yaw):
     error = yaw_rad(*quaternion(roll, pitch, yaw)) - yaw
     assert math.cos(error) == pytest.approx(1.0, abs=1e-9)
+
+
+@given(ANGLE, st.floats(-1.5, 1.5), ANGLE)
+def test_roll_and_pitch_are_those_of_the_quaternion(roll, pitch, yaw):
+    assert math.cos(roll_rad(*quaternion(roll, pitch, yaw)) - roll) == pytest.approx(1.0, abs=1e-9)
+    assert pitch_rad(*quaternion(roll, pitch, yaw)) == pytest.approx(pitch, abs=1e-9)
+
+
+def test_fields_are_scaled_before_they_are_used(tmp_path):
+    """Latitude and longitude in 1e-7 deg: a second row 1e-4 deg north and east is 11.1 m north."""
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(
+        "header = false\ntime = 0\n[sensor.gps]\nvalues = ["
+        '{ name = "x", unit = "m", east_of = [1, 2], field_scale = 1e-7 },'
+        '{ name = "y", unit = "m", north_of = [1, 2], field_scale = 1e-7 }]'
+    )
+    source = tmp_path / "rows.csv"
+    source.write_text("0,0,50000000\n1,1000,50001000\n")
+    import_recording(source, mapping, tmp_path / "rows_out.csv")
+    last = (tmp_path / "rows_out.csv").read_text().splitlines()[-1].split(",")
+    assert [float(number) for number in last[-2:]] == pytest.approx([11.132, 11.057], abs=1e-3)
 
 
 @given(ANGLE, st.floats(-1.5, 1.5), ANGLE, st.floats(-5, 5))

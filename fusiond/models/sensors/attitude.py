@@ -34,7 +34,9 @@ def describe(
         raise ConfigError(f"angles: {angles} names none or one twice; name each angle that it reads once")
     offsets = offset_rad or [0.0] * len(angles)
     if len(offsets) != len(angles):
-        raise ConfigError(f"offset_rad: has {len(offsets)} numbers for {len(angles)} angles; write one of each")
+        raise ConfigError(
+            f"offset_rad: has {len(offsets)} numbers for {len(angles)} angles; write one of each"
+        )
     which = [float(ANGLES.index(angle)) for angle in angles]
     return Sensor(
         channels=tuple(Slot(angle, "rad") for angle in angles),

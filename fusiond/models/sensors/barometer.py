@@ -13,7 +13,11 @@ from fusiond.types import Slot
 
 
 def describe(
-    process: Process, *, z_is: Literal["up", "down"], origin_m: float = 0.0, lever_m: list[float] | None = None
+    process: Process,
+    *,
+    z_is: Literal["up", "down"],
+    origin_m: float = 0.0,
+    lever_m: list[float] | None = None,
 ) -> Sensor:
     """Describe the sensor.
 

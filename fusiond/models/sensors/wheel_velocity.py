@@ -39,7 +39,9 @@ def describe(
     if not axes or len(set(axes)) < len(axes):
         raise ConfigError(f"axes: {axes} names none or one twice; name each axis that it reads once")
     if scale == 0.0:
-        raise ConfigError("scale: is 0, so that nothing can be read from it; write reading over true velocity")
+        raise ConfigError(
+            "scale: is 0, so that nothing can be read from it; write reading over true velocity"
+        )
     which = [float(AXES.index(axis)) for axis in axes]
     return Sensor(
         channels=tuple(Slot(f"body_v{axis}", "m_s") for axis in axes),
