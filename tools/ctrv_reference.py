@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tools.recorded import Floats
 
@@ -32,9 +33,9 @@ class Rows:
     written_s: Floats
 
     @property
-    def fresh(self) -> Floats:
+    def fresh(self) -> NDArray[np.bool_]:
         """Whether the position differs from the row before."""
-        return np.r_[True, np.any(np.diff(self.z[:, :2], axis=0) != 0.0, axis=1)]
+        return np.concatenate([[True], np.any(np.diff(self.z[:, :2], axis=0) != 0.0, axis=1)])
 
 
 def moved(x: Floats, dt_s: float) -> tuple[Floats, Floats]:

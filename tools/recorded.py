@@ -76,7 +76,7 @@ class Recorded:
 
     def used(self, sensor: str) -> NDArray[np.bool_]:
         """Which of this sensor's readings conditioned the state."""
-        return self.of(sensor) & (self.reports["verdict"] == Verdict.USED)
+        return np.asarray(self.of(sensor) & (self.reports["verdict"] == Verdict.USED))
 
     def run(self, keep: Callable[[Records], NDArray[np.bool_]] | None = None) -> Summary:
         """`fusiond replay` of the log, with its truth.

@@ -15,7 +15,7 @@ from matplotlib.patches import Ellipse
 from tools.recorded import Floats, Recorded
 from tools.recording_rows import OUTAGES_S, PUBLISHED_M
 
-LOOK: dict[str, Any] = {
+LOOK: Any = {
     "svg.hashsalt": "recordings", "font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False,
     "axes.grid": True, "grid.alpha": 0.25, "legend.frameon": False, "figure.facecolor": "white",
 }  # fmt: skip
