@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.engine.records import HAS_SEQ
+from fusiond.service.report_rows import fields_struct
 from fusiond.types import Verdict
 
 VERDICTS = max(Verdict) + 1
@@ -58,17 +59,16 @@ class Counters:
         self.verdicts = [[0] * VERDICTS for _ in layout.sensors]
         self.gaps = [Gaps() for _ in layout.sensors]
         self.rate_hz = [0.0] * len(layout.sensors)
+        self._rows = fields_struct(layout.reading, ("seq", "sensor", "flags"), whole=True)
         self._counted = [0] * len(layout.sensors)
         self._rated_ns: int | None = None
 
     def note(self, readings: NDArray[Any], reports: NDArray[Any]) -> None:
         """Take one batch, without ticks."""
         self.readings += len(readings)
-        sensors = readings["sensor"].tolist()
-        for sensor, verdict in zip(sensors, reports["verdict"].tolist(), strict=True):
+        rows = zip(self._rows.iter_unpack(readings.data), reports["verdict"].tolist(), strict=True)
+        for (seq, sensor, flags), verdict in rows:
             self.verdicts[sensor][verdict] += 1
-        numbers = zip(sensors, readings["seq"].tolist(), readings["flags"].tolist(), strict=True)
-        for sensor, seq, flags in numbers:
             if flags & HAS_SEQ:
                 self.gaps[sensor].note(seq)
 
