@@ -119,7 +119,13 @@ lever_m = [-1.0, 0.0, -0.5]
 noise_std = { body_vx_m_s = 0.05, body_vy_m_s = 0.05, body_vz_m_s = 0.05 }
 [sensor.standstill]
 kind = "zero_velocity"
-noise_std = { vx_m_s = 0.02, vy_m_s = 0.02, vz_m_s = 0.02, rate_x_rad_s = 0.01, rate_y_rad_s = 0.01, rate_z_rad_s = 0.01 }
+[sensor.standstill.noise_std]
+vx_m_s = 0.02
+vy_m_s = 0.02
+vz_m_s = 0.02
+rate_x_rad_s = 0.01
+rate_y_rad_s = 0.01
+rate_z_rad_s = 0.01
 """
 PARKED_S, END_S = 20.0, 80.0
 GYRO_BIAS = np.array([0.015, -0.01, 0.02])
