@@ -15,8 +15,8 @@ from tools.vehicle_runs import Drive, follow, withheld
 from tools.vehicle_tables import OUTAGE_S, SLOW_SENSORS
 
 COLOURS = {60.0: "#00798c", 90.0: "#edae49", 120.0: "#d1495b", 160.0: "#8d6a9f"}
-THIN = 20
-"""Milliseconds between two points: 50 a second are enough for a picture."""
+THIN = 50
+"""Milliseconds between two points: 20 a second are enough for a picture."""
 SEEDS = 20
 
 
@@ -41,7 +41,7 @@ def errors(path: Path) -> None:
                     t_s, rms[::THIN], color=colour, lw=1.6, label=f"{asked.speed_km_h:g} km/h"
                 )
         for column, title in enumerate(("double lane change", "J-turn")):
-            axes[0, column].set(title=title, ylim=(-0.2, 0.2), ylabel="error of vy, m/s")
+            axes[0, column].set(title=title, xlim=(1.0, None), ylim=(-0.2, 0.2), ylabel="error of vy, m/s")
             axes[1, column].set(ylim=(-0.003, 0.003), ylabel="error of yaw rate, rad/s", xlabel="time, s")
             axes[0, column].legend(ncols=4, fontsize=7.5, loc="upper right")
 

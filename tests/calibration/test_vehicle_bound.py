@@ -24,9 +24,9 @@ def test_errors_are_within_5_percent_of_the_bound(found):
     """Every state's RMSE / bound, less two standard errors of the simulation, is at most 1.05, and none beats it."""
     assert np.all(found.ratio - 2.0 * found.ratio_std <= REACH)
     assert np.all(found.ratio + 4.0 * found.ratio_std >= 1.0)
-    # yaw rate and forces are fresh at every millisecond: 120 seconds tell them to a per cent
-    assert np.all(found.ratio_std[2:5] < 0.01)
-    assert np.all(np.abs(found.ratio[2:5] - 1.0) < 0.03)
+    # yaw rate and forces are fresh every few milliseconds: 120 seconds tell them to a per cent or so
+    assert np.all(found.ratio_std[2:5] < 0.015)
+    assert np.all(np.abs(found.ratio[2:5] - 1.0) < 0.04)
 
 
 def test_the_nees_is_in_its_band(found):
