@@ -17,6 +17,8 @@ REMEMBERED = 4096
 FAR_BACK = 64
 """A number this far behind the newest, and never missed, is of a sensor that started anew."""
 FAR_AHEAD = 1 << 20
+SHORTEST_RATE_NS = 500_000_000
+"""A rate over less time would be that of a burst or a pause."""
 
 
 class Gaps:
@@ -73,7 +75,9 @@ class Counters:
                 self.gaps[sensor].note(seq)
 
     def rate(self, now_ns: int) -> None:
-        """Renew the rates: readings since the last call over the time since."""
+        """Renew the rates: readings since they were last renewed over the time since, if that is long enough."""
+        if self._rated_ns is not None and 0 <= now_ns - self._rated_ns < SHORTEST_RATE_NS:
+            return
         received = [sum(row) for row in self.verdicts]
         if self._rated_ns is not None and now_ns > self._rated_ns:
             per_s = 1e9 / (now_ns - self._rated_ns)

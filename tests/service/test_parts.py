@@ -9,7 +9,7 @@ import threading
 import numpy as np
 import pytest
 
-from fusiond.service.counters import REMEMBERED, Gaps
+from fusiond.service.counters import REMEMBERED, Counters, Gaps
 from fusiond.service.health_watch import HealthWatch, Transition
 from fusiond.service.intake import subscriptions
 from fusiond.service.limiter import RateLimiter
@@ -184,6 +184,27 @@ def test_transitions_come_in_order_and_only_once(assembly):
         Transition(2, None, "nominal", "degraded"),
     ]
     assert watch.observe(reports[3:]) == []
+    assert watch.observe(reports[:1]) == [
+        Transition(0, "ultrasonic", "silent", "healthy"),
+        Transition(0, None, "degraded", "nominal"),
+    ]
+    assert watch.observe(reports[:1]) == []
+
+
+def test_a_rate_is_not_that_of_the_moment_between_two_looks(assembly):
+    counters = Counters(assembly.layout)
+    number = assembly.layout.numbers["ultrasonic"]
+    readings, reports = np.zeros(1, assembly.layout.reading), np.zeros(1, assembly.layout.report)
+    readings["sensor"] = number
+    counters.rate(0)
+    for _ in range(50):
+        counters.note(readings, reports)
+    counters.rate(1_000_000_000)
+    counters.note(readings, reports)
+    counters.rate(1_001_000_000)
+    assert counters.rate_hz[number] == 50.0
+    counters.rate(2_000_000_000)
+    assert counters.rate_hz[number] == 1.0
 
 
 def test_a_report_as_json_has_no_infinity(assembly):
