@@ -108,13 +108,18 @@ class Engine:
         self._derive(x, self._design[0]["p"], y)
         return {slot.name: float(value) for slot, value in zip(self.layout.outputs, y, strict=True)}
 
-    def covariance(self) -> NDArray[np.float64]:
-        """The centralized covariance now, (n, n), of the errors."""
+    def covariance(self, row: int = 0) -> NDArray[np.float64]:
+        """The covariance now, (n, n), of the errors of one filter of the bank; row 0 is the centralized one."""
         if self.layout.plain:
-            return np.array(self.track[0]["P"][0])
-        U = np.triu(self.track[0]["U"][0], 1) + np.eye(self.layout.shape.errors)
-        covariance: NDArray[np.float64] = (U * self.track[0]["d"][0]) @ U.T
+            return np.array(self.track[0]["P"][row])
+        U = np.triu(self.track[0]["U"][row], 1) + np.eye(self.layout.shape.errors)
+        covariance: NDArray[np.float64] = (U * self.track[0]["d"][row]) @ U.T
         return covariance
+
+    @property
+    def angles(self) -> NDArray[np.bool_]:
+        """(states,) whether a state is an angle, rad."""
+        return np.array(self._design[0]["angle"], dtype=bool)
 
     @property
     def repairs(self) -> int:

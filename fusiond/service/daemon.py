@@ -17,6 +17,7 @@ from fusiond.service.clock import Clock
 from fusiond.service.counters import Counters
 from fusiond.service.health_watch import HealthWatch, Transition
 from fusiond.service.intake import Intake
+from fusiond.service.local_outputs import LocalOutputs
 from fusiond.service.mailbox import Arrival, Mailbox
 from fusiond.service.notify import Notifier
 from fusiond.service.outputs import Outputs
@@ -94,6 +95,7 @@ class Daemon:
         # One reading through an engine that is thrown away: the step is compiled, or loaded, before anybody waits.
         self.assembly.engine().process(np.zeros(1, layout.reading))
         self.engine = self.assembly.engine()
+        self._resets: NDArray[np.int64] = self.engine.track["resets"]
         self.preparing = False
         self.started_ns = self.clock.now_ns()
         self.epoch = self.started_ns // 1_000_000
@@ -153,6 +155,9 @@ class Daemon:
             record_hz=settings.record_hz, packed=settings.packed, derived=self.engine.outputs,
             say=self._say if self._recorder else None,
         )  # fmt: skip
+        self._locals = LocalOutputs(
+            self.sessions.control, self.engine, settings.prefix, epoch=self.epoch, publish_hz=settings.publish_hz,
+        )  # fmt: skip
         answers = {"status": self._status, "config": self._config, "command/reset": self._reset}
         self._admin = Admin(self.sessions.admin, settings.prefix, answers, self._wake)
         self._threads_end.append(self._admin.close)
@@ -182,7 +187,8 @@ class Daemon:
 
     def _process(self, readings: NDArray[Any]) -> NDArray[Any]:
         reports: NDArray[Any] = self.engine.process(readings)
-        self._outputs.publish(reports, int(self.engine.track["resets"][0]))
+        self._outputs.publish(reports, self._resets.item())
+        self._locals.publish(reports)
         for change in self._watch.observe(reports):
             self._outputs.transition(change)
             self._tell(change)
@@ -215,6 +221,7 @@ class Daemon:
         self._housekeeping_due_ns = now_ns + HOUSEKEEPING_NS
         self._outputs.health(int(self.engine.desk["newest_t_ns"][0]), self._watch)
         self._outputs.look_who_asks()
+        self._locals.look_who_asks()
         self._counters.rate(now_ns)
         self._complain(now_ns)
 
@@ -256,8 +263,9 @@ class Daemon:
         return status(
             config=self.assembly.config, mode=self.settings.mode, endpoints=self.sessions.endpoints,
             epoch=self.epoch, uptime_s=(self.clock.now_ns() - self.started_ns) / 1e9,
-            resets=int(self.engine.track["resets"][0]), counters=self._counters,
+            resets=self._resets.item(), counters=self._counters,
             decoder=self._decoder, watch=self._watch, mailbox=self.mailbox, latest=self._outputs.latest,
+            parity=self._locals.status(),
             state_sha256=self.engine.state_sha256(),
             recorder=self._recorder,
         )  # fmt: skip
@@ -269,4 +277,4 @@ class Daemon:
         """Set the state to its initial value, as if the daemon had just begun."""
         self._happen(RESET, int(self.engine.desk["newest_t_ns"][0]), self.clock.now_ns())
         self.voice.info("command: reset; the state starts again with the next reading")
-        return {"done": "reset", "resets": int(self.engine.track["resets"][0])}
+        return {"done": "reset", "resets": self._resets.item()}

@@ -37,10 +37,9 @@ class HealthWatch:
 
     def observe(self, reports: NDArray[Any]) -> list[Transition]:
         """The changes in these reports, in order."""
-        if len(reports) == 1:
-            # Nearly always nothing has changed, which a comparison of bytes tells at once.
-            if reports.tobytes()[self._at] == self._seen:
-                return []
+        # Nearly always nothing has changed, which a comparison of bytes tells at once.
+        if len(reports) == 1 and reports.tobytes()[self._at] == self._seen:
+            return []
         found: list[Transition] = []
         services, health = reports["service"], reports["health"][:, : len(self._names)]
         for k in changes(services, health):

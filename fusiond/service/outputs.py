@@ -1,8 +1,4 @@
-"""Publishers: what of a batch of reports goes out, and how often.
-
-Everything is sent with DROP: a consumer that does not read must never make the loop wait. Commands go at the highest
-priority, one priority for each key, since Zenoh reorders across priorities.
-"""
+"""Publishers: what of a batch of reports goes out, and how often. Commands go at the highest priority."""
 
 from __future__ import annotations
 
@@ -26,10 +22,10 @@ from fusiond.service.messages import (
     health_message,
     report_message,
 )
+from fusiond.service.outlet import JSON, declare, is_heard
 from fusiond.service.report_rows import ReportRows
 from fusiond.types import EVENTS, Role, ServiceHealth, Verdict
 
-JSON = "application/json"
 USED = int(Verdict.USED)
 DEAD_RECKONING = int(ServiceHealth.DEAD_RECKONING)
 Say = Callable[[str, bytes, int], None]
@@ -71,13 +67,13 @@ class Outputs:
         )
         levels = zenoh.Priority
         self._publishers = {
-            "estimate": _publisher(session, f"{prefix}/estimate", estimate, levels.INTERACTIVE_HIGH),
-            "control": _publisher(session, f"{prefix}/control", control, levels.REAL_TIME),
-            "health": _publisher(session, f"{prefix}/health", JSON, levels.DATA_HIGH),
-            "event": _publisher(session, f"{prefix}/event", JSON, levels.DATA_HIGH),
+            "estimate": declare(session, f"{prefix}/estimate", estimate, levels.INTERACTIVE_HIGH),
+            "control": declare(session, f"{prefix}/control", control, levels.REAL_TIME),
+            "health": declare(session, f"{prefix}/health", JSON, levels.DATA_HIGH),
+            "event": declare(session, f"{prefix}/event", JSON, levels.DATA_HIGH),
         }
         self._reports = [
-            _publisher(session, f"{prefix}/report/{sensor.name}", JSON, levels.DATA_LOW)
+            declare(session, f"{prefix}/report/{sensor.name}", JSON, levels.DATA_LOW)
             for sensor in layout.sensors
         ]
         self._report_limits = [RateLimiter(publish_hz) for _ in layout.sensors]
@@ -165,15 +161,3 @@ class Outputs:
     def _next(self, topic: str) -> int:
         self._seq[topic] += 1
         return self._seq[topic]
-
-
-def is_heard(publisher: zenoh.Publisher) -> bool:
-    """Whether anybody listens to a publisher now."""
-    status: Any = publisher.matching_status  # the stub of 1.10 calls it a bool
-    return bool(status.matching)
-
-
-def _publisher(session: zenoh.Session, key: str, encoding: str, priority: zenoh.Priority) -> zenoh.Publisher:
-    return session.declare_publisher(
-        key, encoding=encoding, priority=priority, congestion_control=zenoh.CongestionControl.DROP
-    )

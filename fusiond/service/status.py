@@ -30,7 +30,7 @@ def sensors_status(counters: Counters, decoder: Decoder, watch: HealthWatch) -> 
 def status(
     *, config: Any, mode: str, endpoints: tuple[str, ...], epoch: int, uptime_s: float, resets: int,
     counters: Counters, decoder: Decoder, watch: HealthWatch, mailbox: Mailbox, latest: Any,
-    state_sha256: str, recorder: Any,
+    parity: dict[str, Any], state_sha256: str, recorder: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """The daemon's account of itself."""
     recording = None if recorder is None else {"dropped": dict(recorder.dropped), "error": recorder.error}
@@ -51,6 +51,7 @@ def status(
         "refused": decoder.refusals.by_name(),
         "queue": {"waiting": len(mailbox), "capacity": mailbox.capacity, "dropped": mailbox.dropped},
         "estimate": latest,
+        "parity": parity,
         "state_sha256": state_sha256,
         "recording": recording,
     }

@@ -49,7 +49,8 @@ class TopicSubscriber:
     be read (`unreadable` counts those).
 
     Args:
-        name: the configuration's.      topic: `estimate`, `control`, `health`, `event`, `report/SENSOR`.
+        name: the configuration's.
+        topic: `estimate`, `control`, `health`, `event`, `report/SENSOR`, `local/SENSOR`.
         connect: endpoint of the daemon or router.      session: an open session to share; it is left open.
     Raises: ConnectionFailed where nobody answers in `CONNECT_S`.
     """
