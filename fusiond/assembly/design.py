@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from fusiond.assembly.observability import bears_a_filter
 from fusiond.assembly.plain import LOCAL, is_plain
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
+from fusiond.assembly.trial import Trial
 from fusiond.config import InitialSection
 from fusiond.engine.layout import FilterLayout, Layout, SensorLayout
 from fusiond.engine.records import Shape, design_dtype
@@ -97,10 +98,8 @@ def factored(P: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
 def _initial(resolved: Resolved, record: np.record) -> None:
     """Initial state and covariance."""
     process, initial = resolved.process, resolved.config.initial
-    values = by_key(initial.state, process.states, "initial.state")
-    for i, slot in enumerate(process.states):
-        record["x0"][i] = values.get(slot.name, process.origin[i] if process.origin else 0.0)
-        record["angle"][i] = slot.name in process.angles
+    record["x0"] = Trial(resolved).initial()
+    record["angle"] = [slot.name in process.angles for slot in process.states]
     record["U0"], record["d0"] = factored(_initial_covariance(initial, process.error_slots))
 
 

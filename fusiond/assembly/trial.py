@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond.assembly.resolve import Resolved, ResolvedSensor
+from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
+from fusiond.errors import ConfigError
 from fusiond.numerics.kernel import interpreted
 
 Array = NDArray[np.float64]
@@ -98,12 +99,21 @@ class Trial:
         observe(x, z, at, np.array(model.parameters or (0.0,)), h, H)
         return h[: model.dof], H[: model.dof]
 
-    def start(self) -> Array:
-        """The initial state moved off every special value, so that nothing is zero by accident."""
-        initial = self.resolved.config.initial.state
+    def initial(self) -> Array:
+        """The configured initial state, its quaternion of unit length; raises ConfigError."""
         process = self.resolved.process
+        values = by_key(self.resolved.config.initial.state, process.states, "initial.state")
         origin = process.origin or (0.0,) * len(process.states)
         x0 = np.array(
-            [initial.get(slot.key, value) for slot, value in zip(process.states, origin, strict=True)]
+            [values.get(slot.name, value) for slot, value in zip(process.states, origin, strict=True)]
         )
-        return self.shift(x0, irregular(len(process.error_slots)))
+        state = self.shift(x0, np.zeros(len(process.error_slots)))
+        if not np.isfinite(state).all():
+            raise ConfigError(
+                "initial.state: a quaternion of length zero is no attitude; leave it out for the default"
+            )
+        return state
+
+    def start(self) -> Array:
+        """The initial state moved off every special value, so that nothing is zero by accident."""
+        return self.shift(self.initial(), irregular(len(self.resolved.process.error_slots)))

@@ -88,11 +88,14 @@ def show_replay(result: Mapping[str, Any]) -> None:
         columns = ["state", "value", "std"] + (["RMSE"] if result.get("rmse") else [])
         table = _table(f"at {final['t_s']:.3f} s, {final['health']}", *columns)
         rmse = result.get("rmse") or {}
-        for name, value in final["state"].items():
-            error = [_number(rmse.get(name))] if rmse else []
-            table.add_row(name, _number(value), _number(final["std"][name]), *error)
-        for name in rmse.keys() - final["state"].keys():
-            table.add_row(name, "", "", _number(rmse[name]))
+        names = [
+            *final["state"],
+            *(final["std"].keys() - final["state"].keys()),
+            *(rmse.keys() - final["state"].keys()),
+        ]
+        for name in dict.fromkeys(names):
+            cells = [_number(column.get(name)) for column in (final["state"], final["std"])]
+            table.add_row(name, *cells, *([_number(rmse.get(name))] if rmse else []))
         console.print(table)
     if result.get("nees_mean") is not None:
         console.print(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from fusiond.assembly.assembly import assemble
+from fusiond.config import Config
 from fusiond.errors import ConfigError
 from fusiond.models import strapdown
 from fusiond.models.catalogue import SENSORS
@@ -17,6 +21,8 @@ from fusiond.numerics import quaternion
 from fusiond.numerics.kernel import interpreted
 from fusiond.simulation.flight import flight
 from tools.trials import configured, records
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
 SEEDS = st.integers(0, 10**9)
 BODY = {"gyro_bias_noise_rad_s_sqrt_s": 1e-3, "accel_bias_noise_m_s2_sqrt_s": 1e-2}
@@ -302,3 +308,21 @@ def test_without_an_attitude_it_names_the_model_that_has_one(kind):
     said = next(said for name, said in OBSERVED.values() if name == kind)
     with pytest.raises(ConfigError, match='choose the model "strapdown"'):
         SENSORS[kind].describe(describe(acceleration_noise_m_s2=1.0), **said)
+
+
+def with_quaternion(w):
+    """The flight's configuration, started at (w, 0, 0, 0)."""
+    content = tomllib.loads((CONFIGS / "flight.toml").read_text(encoding="utf-8"))
+    content["initial"].setdefault("state", {}).update(qw=w, qx=0.0, qy=0.0, qz=0.0)
+    return Config.model_validate(content)
+
+
+def test_an_initial_attitude_is_scaled_to_length_one():
+    assembled = assemble(with_quaternion(2.0))
+    names = [slot.name for slot in assembled.layout.states]
+    assert assembled.design[0]["x0"][names.index("qw")] == 1.0
+
+
+def test_an_initial_attitude_of_length_zero_is_refused():
+    with pytest.raises(ConfigError, match="length zero"):
+        assemble(with_quaternion(0.0))
