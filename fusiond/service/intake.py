@@ -73,12 +73,11 @@ class Intake:
         return UNKNOWN
 
     def _read(self, route: int) -> None:
-        ring, work_off = self._subscribers[route], self._mailbox.work_off
+        ring, hand_over, work_off = self._subscribers[route], self._mailbox.hand_over, self._mailbox.work_off
         try:
             while True:
                 sample = ring.recv()
-                self._mailbox.put((self._clock.now_ns(), route, sample))
-                work_off()
+                hand_over((self._clock.now_ns(), route, sample))
                 # Only where more has come meanwhile is it worth gathering before the next round of work.
                 while self._gather(route):
                     work_off()

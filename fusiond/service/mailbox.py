@@ -44,6 +44,18 @@ class Mailbox:
             self.dropped += 1
         self._queue.append(arrival)
 
+    def hand_over(self, arrival: Arrival) -> None:
+        """Add one and work it off; at once, past the queue, where nothing waits in it and nobody works."""
+        if self._queue or not self.baton.acquire(blocking=False):
+            self.put(arrival)
+        else:
+            try:
+                self._work([arrival])
+            finally:
+                self.baton.release()
+        if self._queue:
+            self.work_off()
+
     def work_off(self) -> None:
         """Work while something waits and nobody else works; returns at once otherwise."""
         while self._queue and self.baton.acquire(blocking=False):

@@ -82,6 +82,19 @@ def test_a_full_mailbox_drops_the_oldest_and_counts_it():
     assert mailbox.dropped == 2
 
 
+def test_what_is_handed_over_waits_behind_what_waits_and_behind_who_works():
+    taken = []
+    mailbox = Mailbox(10, taken.append)
+    mailbox.hand_over(1)
+    mailbox.put(2)
+    mailbox.hand_over(3)
+    with mailbox.baton:
+        mailbox.hand_over(4)
+        assert len(mailbox) == 1
+    mailbox.work_off()
+    assert taken == [[1], [2, 3], [4]]
+
+
 def test_everything_put_is_worked_off_once_in_order_by_one_at_a_time():
     """Four readers at once: nothing is left behind, nothing twice, and no two work at the same time."""
     taken, working = [], threading.Lock()
@@ -95,8 +108,11 @@ def test_everything_put_is_worked_off_once_in_order_by_one_at_a_time():
 
     def read(reader):
         for k in range(5000):
-            mailbox.put((reader, k))
-            mailbox.work_off()
+            if k % 3:
+                mailbox.hand_over((reader, k))
+            else:
+                mailbox.put((reader, k))
+                mailbox.work_off()
 
     threads = [threading.Thread(target=read, args=(reader,)) for reader in range(4)]
     for thread in threads:
