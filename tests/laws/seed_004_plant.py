@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tools.bank_truth import System
+from tools.pages.bank_truth import System
 
 A = np.array([[1.1269, -0.4940, 0.1129], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 B = np.array([[-0.3832], [0.5919], [0.5191]])

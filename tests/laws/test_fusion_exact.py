@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from fusiond.filters import joseph
 from fusiond.filters.innovation import Innovation
 from fusiond.fusion import federated, information_sum
-from tools.exact_modes import worst_differences
+from tools.pages.exact_modes import worst_differences
 
 
 def test_every_exact_mode_is_the_stacked_filter_over_100_000_steps():

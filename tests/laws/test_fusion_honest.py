@@ -15,7 +15,7 @@ from fusiond.fusion.centralized import update_averaged
 from fusiond.fusion.covariance_intersection import intersect, weights
 from fusiond.fusion.federated import shares
 from tests.laws.seed_004_plant import ONE, A, C, noise, random_plant, sharing
-from tools.bank_truth import System, averaged, bank, summed
+from tools.pages.bank_truth import System, averaged, bank, summed
 
 CV = System(
     np.array([[1.0, 0.1], [0.0, 1.0]]),

@@ -11,7 +11,7 @@ from fusiond.filters import conventional
 from fusiond.filters.innovation import Innovation
 from fusiond.numerics.covariance import POLICIES, examine, repair
 from tests.laws.test_ud import exact_posterior
-from tools.ill_conditioned import exact, outcome
+from tools.pages.ill_conditioned import exact, outcome
 
 SEEDS = st.integers(0, 10**9)
 

@@ -7,9 +7,9 @@ import pytest
 
 from fusiond.errors import ConfigError
 from tests.laws.seed_004_plant import FIGURES, sharing
-from tools.bank_truth import bank, summed
-from tools.seed_004_modes import EXACT, PRIOR, plant, ratios, replayed, singular_start
-from tools.trials import configured
+from tools.pages.bank_truth import bank, summed
+from tools.pages.seed_004_modes import EXACT, PRIOR, plant, ratios, replayed, singular_start
+from tools.pages.trials import configured
 
 
 @pytest.mark.parametrize("recursion", ["ud", "conventional", "information", "seed"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tools import seed_004_page, seeds
+from tools.pages import seed_004_page, seeds
 
 TEXT = seed_004_page.PAGE.read_text(encoding="utf-8")
 TESTS = Path(__file__).resolve().parents[1]
