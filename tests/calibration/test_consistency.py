@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tools.consistency import CASES, Ensemble, ensemble, mean_of_squares, simulations, whiteness
-from tools.trials import configured
+from tools.pages.consistency import CASES, Ensemble, ensemble, mean_of_squares, simulations, whiteness
+from tools.pages.trials import configured
 
 RUNS = 200
 FIRST_SEED = 1000

@@ -14,8 +14,8 @@ import pytest
 from fusiond.models import strapdown
 from fusiond.numerics.kernel import interpreted
 from fusiond.simulation.flight import START_STD, flight, nominal_start
-from tools.consistency import Ensemble
-from tools.trials import configured, records
+from tools.pages.consistency import Ensemble
+from tools.pages.trials import configured, records
 
 RUNS = 100
 FIRST_SEED = 1000

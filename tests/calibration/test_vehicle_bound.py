@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from fusiond.simulation.vehicle_manoeuvres import SEED_002
-from tools.trials import configured
-from tools.vehicle_bound import SEED_STATES, Score, ensemble, score
+from tools.pages.trials import configured
+from tools.pages.vehicle_bound import SEED_STATES, Score, ensemble, score
 
 RUNS = 120
 REACH = 1.05

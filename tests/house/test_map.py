@@ -18,8 +18,8 @@ def modules() -> set[str]:
 
 
 def rooms() -> set[str]:
-    folders = {path.parent for path in (PROJECT / "fusiond").rglob("*.py")}
-    return {f"{folder.relative_to(PROJECT).as_posix()}/" for folder in folders} | {"tools/"}
+    modules = [*(PROJECT / "fusiond").rglob("*.py"), *(PROJECT / "tools").rglob("*.py")]
+    return {f"{path.parent.relative_to(PROJECT).as_posix()}/" for path in modules}
 
 
 def on_the_map() -> list[str]:

@@ -20,7 +20,7 @@ from fusiond.models.catalogue import SENSORS
 from fusiond.numerics import quaternion
 from fusiond.numerics.kernel import interpreted
 from fusiond.simulation.flight import flight
-from tools.trials import configured, records
+from tools.pages.trials import configured, records
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 

@@ -15,7 +15,7 @@ from fusiond.models import strapdown
 from fusiond.numerics.kernel import interpreted
 from fusiond.simulation.flight import flight, nominal_start
 from fusiond.simulation.tables import Reading
-from tools.trials import configured, records
+from tools.pages.trials import configured, records
 
 SECOND = 10**9
 ONE_FILTER = {"leave_one_out": False, "local_filters": False}

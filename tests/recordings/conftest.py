@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.recorded import import_from
+from tools.pages.recorded import import_from
 
 
 @pytest.fixture(scope="session")

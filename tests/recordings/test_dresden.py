@@ -11,7 +11,7 @@ from fusiond.assembly.assembly import assemble
 from fusiond.errors import ConfigError
 from fusiond.recording.importing.mapping import read_mapping
 from fusiond.types import Verdict
-from tools.recorded import CONFIGS, fix_residuals_m, outage_m, recorded
+from tools.pages.recorded import CONFIGS, fix_residuals_m, outage_m, recorded
 
 pytestmark = pytest.mark.recordings("dresden_car")
 REFERENCE_RMS_M = 4.40

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fusiond.recording.importing import import_recording
-from tools.recorded import CONFIGS, recorded
+from tools.pages.recorded import CONFIGS, recorded
 
 pytestmark = pytest.mark.recordings("jackal")
 PUBLISHED_M = np.array([1.0206, 3.4292, 0.7419])

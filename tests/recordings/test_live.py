@@ -12,7 +12,7 @@ import pytest
 
 from fusiond.assembly.assembly import load
 from fusiond.service.client import ask
-from tools.recorded import CONFIGS, Recorded
+from tools.pages.recorded import CONFIGS, Recorded
 
 pytestmark = pytest.mark.recordings("jackal", "dresden_car", "udacity_laser_radar")
 DEADLINE_S = 60.0

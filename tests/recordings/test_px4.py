@@ -7,8 +7,8 @@ import pytest
 
 from fusiond.recording.importing import import_recording
 from fusiond.types import NANOSECONDS, Verdict
-from tools.recorded import CONFIGS, recorded
-from tools.trials import configured
+from tools.pages.recorded import CONFIGS, recorded
+from tools.pages.trials import configured
 
 pytestmark = pytest.mark.recordings("px4_iris")
 POSITION_M, VELOCITY_M_S = 0.3, 0.2

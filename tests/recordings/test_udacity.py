@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tools.recorded import recorded
+from tools.pages.recorded import recorded
 
 pytestmark = pytest.mark.recordings("udacity_laser_radar")
 NAMES = ("x", "y", "vx", "vy")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tools import seed_000
-from tools.seed_000 import EXAMPLES, LAST_S, OFFSETS_M
-from tools.seed_000_rows import steered
+from tools.pages import seed_000
+from tools.pages.seed_000 import EXAMPLES, LAST_S, OFFSETS_M
+from tools.pages.seed_000_rows import steered
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tools import seed_001
-from tools.trials import CONFIGS
+from tools.pages import seed_001
+from tools.pages.trials import CONFIGS
 
 
 def test_it_settles_where_the_closed_form_says():

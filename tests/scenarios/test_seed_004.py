@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from tools import seed_004
+from tools.pages import seed_004
 
 
 @pytest.mark.parametrize("Q", [1.0, 2.3])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tools import seeds
+from tools.pages import seeds
 
 
 def test_the_page_is_what_is_measured_now():

@@ -12,10 +12,10 @@ from fusiond.simulation.tables import Floats
 from fusiond.simulation.vehicle_manoeuvres import SEED_002, Manoeuvre
 from fusiond.simulation.vehicle_sensors import readings
 from fusiond.types import Health, ServiceHealth
-from tools.multibody import manoeuvre, simulator, wheel_forces
-from tools.trials import configured, records
-from tools.vehicle_runs import Drive, follow, own_equations, withheld
-from tools.vehicle_tables import mean_squares, quantities
+from tools.pages.multibody import manoeuvre, simulator, wheel_forces
+from tools.pages.trials import configured, records
+from tools.pages.vehicle_runs import Drive, follow, own_equations, withheld
+from tools.pages.vehicle_tables import mean_squares, quantities
 
 BY_NAME = {asked.name: asked for asked in SEED_002}
 SLOW = ("gps", "magnetometer")

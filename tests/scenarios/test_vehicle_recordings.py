@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fusiond.simulation.vehicle_manoeuvres import Manoeuvre
-from tools.multibody import drive, simulator
-from tools.sideslip import Course, lateral_velocity_rmse
-from tools.trials import configured
+from tools.pages.multibody import drive, simulator
+from tools.pages.sideslip import Course, lateral_velocity_rmse
+from tools.pages.trials import configured
 
 DRIVES = [(kind, speed) for kind in ("dlc", "jturn") for speed in (60, 100, 140)]
 

@@ -15,8 +15,8 @@ from fusiond.recording.importing.numbers import Projection
 from fusiond.simulation.vehicle_equations import Car
 from fusiond.simulation.vehicle_manoeuvres import SEED_002
 from fusiond.simulation.vehicle_sensors import readings
-from tools.trials import configured, records
-from tools.vehicle_bound import bound, ensemble
+from tools.pages.trials import configured, records
+from tools.pages.vehicle_bound import bound, ensemble
 
 CAR = Car(drag_area_m2=0.7)
 

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from fusiond.models import single_track
 from fusiond.numerics.kernel import interpreted
 from fusiond.simulation.streams import stream
-from tools.trials import configured
+from tools.pages.trials import configured
 
 CAR = {
     "mass_kg": 1093.295, "yaw_inertia_kg_m2": 1791.6, "front_m": 1.1562, "rear_m": 1.42272,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.seed_004_modes import plant, replayed
-from tools.seed_pictures import figure
+from tools.pages.figures import figure
+from tools.pages.seed_004_modes import plant, replayed
 
 COLOURS = ("#d1495b", "#edae49", "#8d6a9f", "#00798c")
 

@@ -1,6 +1,6 @@
 """Draw the terminal of a demonstration as SVG, for the README.
 
-    python -m tools.picture docs/pictures/demo.svg [--name minicar] [--for 30] [--at 12] [--seed 0]
+    python -m tools.pages.picture docs/pictures/demo.svg [--name minicar] [--for 30] [--at 12] [--seed 0]
 
 The panel is that of the time `--at`, the verdict that of the end. Exit 0 done, 1 the demonstration failed, 2 the
 operator's mistake.
@@ -74,7 +74,9 @@ def drawing(scene: Scene, verdict: Verdict) -> str:
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    command = argparse.ArgumentParser(prog="python -m tools.picture", description="A demonstration as SVG.")
+    command = argparse.ArgumentParser(
+        prog="python -m tools.pages.picture", description="A demonstration as SVG."
+    )
     command.add_argument("out", type=Path, metavar="OUT.svg")
     command.add_argument("--name", default="minicar")
     command.add_argument("--for", dest="duration_s", type=float, default=30.0, metavar="S")

@@ -20,7 +20,7 @@ from fusiond.simulation.closed_loop import LoopRun
 from fusiond.simulation.rig import STEP_NS, PointRig
 from fusiond.simulation.tables import Reading, Simulation
 
-CONFIGS = Path(__file__).resolve().parents[1] / "configs"
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 Floats = NDArray[np.float64]
 Records = NDArray[Any]
 

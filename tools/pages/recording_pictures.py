@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
-from tools.recorded import Floats, Recorded
-from tools.recording_rows import OUTAGES_S, PUBLISHED_M
+from tools.pages.figures import figure
+from tools.pages.recorded import Floats, Recorded
+from tools.pages.recording_rows import OUTAGES_S, PUBLISHED_M
 
-LOOK: Any = {
-    "svg.hashsalt": "recordings", "font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False,
-    "axes.grid": True, "grid.alpha": 0.25, "legend.frameon": False, "figure.facecolor": "white",
-}  # fmt: skip
 ESTIMATE, MEASURED, TRUTH, OTHER, LOST = "#00798c", "#edae49", "#222222", "#8d6a9f", "#d1495b"
-
-
-@contextmanager
-def figure(path: Path, width: float, height: float) -> Iterator[Figure]:
-    """A figure (inches), saved on leaving without a date."""
-    with mpl.rc_context(LOOK):
-        drawn = Figure((width, height), layout="constrained")
-        yield drawn
-        drawn.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
 def jackal(run: Recorded, path: Path) -> None:

@@ -14,7 +14,7 @@ from fusiond.simulation.streams import stream
 from fusiond.simulation.tables import Floats, Reading
 from fusiond.simulation.vehicle_equations import Car, Disturbance, drive
 from fusiond.simulation.vehicle_sensors import MILLISECOND_NS, Motion, wrapped
-from tools.trials import records
+from tools.pages.trials import records
 
 DT_S = MILLISECOND_NS * 1e-9
 YAW = 5

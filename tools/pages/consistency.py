@@ -19,7 +19,7 @@ from scipy.stats import chi2
 
 from fusiond.simulation.registry import simulate
 from fusiond.simulation.tables import Reading, Simulation
-from tools.trials import Floats, Trial, configured, estimate, merged
+from tools.pages.trials import Floats, Trial, configured, estimate, merged
 
 SHARE = 0.95
 LAGS = 10

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from fusiond.simulation.registry import simulate
-from tools.seed_row import Row, between, near, within
-from tools.trials import Floats, configured, estimate
+from tools.pages.seed_row import Row, between, near, within
+from tools.pages.trials import Floats, configured, estimate
 
 M_EXPECTED = {1.0: (0.3798, 0.0817, -0.2570), 2.3: (0.534538, 0.010133, -0.477568)}
 """Steady gain by Q, R = 1: four digits as published for the MathWorks demo, six recomputed."""

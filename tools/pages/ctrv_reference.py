@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.recorded import Floats
+from tools.pages.recorded import Floats
 
 STD = np.array([6.0, 6.0, 1.0, 0.1])
 H = np.eye(5)[[0, 1, 3, 4]]

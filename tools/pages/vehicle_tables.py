@@ -9,11 +9,11 @@ import numpy as np
 from fusiond.simulation.tables import Floats
 from fusiond.simulation.vehicle_manoeuvres import SEED_002, Manoeuvre
 from fusiond.simulation.vehicle_sensors import readings
-from tools.multibody import manoeuvre
-from tools.sideslip import course_of, lateral_velocity_rmse
-from tools.trials import configured
-from tools.vehicle_bound import bound, ensemble, score
-from tools.vehicle_runs import Drive, follow, own_equations, withheld
+from tools.pages.multibody import manoeuvre
+from tools.pages.sideslip import course_of, lateral_velocity_rmse
+from tools.pages.trials import configured
+from tools.pages.vehicle_bound import bound, ensemble, score
+from tools.pages.vehicle_runs import Drive, follow, own_equations, withheld
 
 BOUNDED = (SEED_002[0], SEED_002[3], SEED_002[6])
 SETTLED = 1000

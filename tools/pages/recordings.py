@@ -1,6 +1,6 @@
 """Measure the recordings and write docs/recordings.md with its pictures.
 
-    python -m tools.recordings [--data FOLDER] [--docs docs]
+    python -m tools.pages.recordings [--data FOLDER] [--docs docs]
 
 FOLDER holds the recordings (default: FUSIOND_DATA, else ../shared/data). Exit 0 done, 1 a figure is not reached,
 2 the operator's mistake.
@@ -16,9 +16,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fusiond.errors import FusiondError
-from tools import recording_pictures
-from tools.recorded import SOURCES, Recorded, import_from, recorded
-from tools.recording_rows import (
+from tools.pages import recording_pictures
+from tools.pages.recorded import SOURCES, Recorded, import_from, recorded
+from tools.pages.recording_rows import (
     Row,
     dresden_rows,
     dresden_variants,
@@ -29,13 +29,13 @@ from tools.recording_rows import (
 )
 
 PAGE = Path(__file__).with_name("recordings_page.md")
-PROJECT = Path(__file__).resolve().parents[1]
+PROJECT = Path(__file__).resolve().parents[2]
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     command = argparse.ArgumentParser(
-        prog="python -m tools.recordings", description="Measure the recordings."
+        prog="python -m tools.pages.recordings", description="Measure the recordings."
     )
     data = os.environ.get("FUSIOND_DATA", PROJECT.parent / "shared" / "data")
     command.add_argument("--data", type=Path, default=data, help="folder of the recordings")

@@ -1,7 +1,7 @@
 """Measure the figures of the seeds and write docs/seeds.md with its pictures.
 
-python -m tools.seeds            measure everything, write the page and docs/pictures/seed_*.svg (two minutes)
-python -m tools.seeds --check    measure the cheap rows again and compare with the page; exit 1 where one differs
+python -m tools.pages.seeds            measure everything, write the page and docs/pictures/seed_*.svg (two minutes)
+python -m tools.pages.seeds --check    measure the cheap rows again and compare with the page; exit 1 where one differs
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tools import seed_000_rows, seed_001, seed_004
-from tools.seed_row import Row
+from tools.pages import seed_000_rows, seed_001, seed_004
+from tools.pages.seed_row import Row
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = DOCS / "seeds.md"
 TEMPLATE = Path(__file__).resolve().parent / "seeds_page.md"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -68,7 +68,7 @@ def cheap_rows() -> list[Row]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; returns the exit code."""
-    command = argparse.ArgumentParser(prog="python -m tools.seeds", description="Write docs/seeds.md.")
+    command = argparse.ArgumentParser(prog="python -m tools.pages.seeds", description="Write docs/seeds.md.")
     command.add_argument(
         "--check", action="store_true", help="compare the page with the cheap rows measured now"
     )
@@ -76,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         found = differences(PAGE.read_text(encoding="utf-8"), cheap_rows())
         print("\n".join(found) or f"{PAGE.name}: {len(cheap_rows())} rows measured again, all the same")
         return 1 if found else 0
-    from tools.seed_pictures import draw  # matplotlib, which --check does without
+    from tools.pages.seed_pictures import draw  # matplotlib, which --check does without
 
     PAGE.write_text(page(), encoding="utf-8")
     draw(DOCS / "pictures")

@@ -22,8 +22,8 @@ from fusiond.simulation.tables import Floats
 from fusiond.simulation.vehicle_equations import Disturbance, drive
 from fusiond.simulation.vehicle_manoeuvres import BEGIN_S, Manoeuvre
 from fusiond.simulation.vehicle_sensors import MILLISECOND_NS, SLOW, Motion, readings
-from tools.trials import configured
-from tools.vehicle_runs import DT_S, SEED_STATES, Drive, car_of, follow, model_of
+from tools.pages.trials import configured
+from tools.pages.vehicle_runs import DT_S, SEED_STATES, Drive, car_of, follow, model_of
 
 CRUISE_N = 100.0
 """Of each rear wheel in the ensemble; 5 % of it is the configured noise of a wheel's force."""

@@ -1,7 +1,7 @@
 """Measure seed 002's vehicle and write docs/vehicle.md with its pictures.
 
-    python -m tools.vehicle                              everything (five minutes)
-    python -m tools.vehicle --log dlc_60kmh DLC.csv      one manoeuvre as a log, its truth beside it in DLC_truth.csv
+    python -m tools.pages.vehicle                              everything (five minutes)
+    python -m tools.pages.vehicle --log dlc_60kmh DLC.csv      one manoeuvre as a log, and DLC_truth.csv
 
 Needs the multi-body simulator: install commonroad-vehicle-models (it is in the extra `test`).
 """
@@ -20,10 +20,10 @@ from fusiond.simulation.tables import Simulation
 from fusiond.simulation.vehicle_equations import COLUMNS
 from fusiond.simulation.vehicle_manoeuvres import SEED_002
 from fusiond.simulation.vehicle_sensors import readings
-from tools import vehicle_tables
-from tools.multibody import manoeuvre
+from tools.pages import vehicle_tables
+from tools.pages.multibody import manoeuvre
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 TEMPLATE = Path(__file__).resolve().parent / "vehicle_page.md"
 SECTIONS: dict[str, Callable[[], str]] = {
     "bound": vehicle_tables.bound_table,
@@ -56,7 +56,9 @@ def write(name: str, path: Path, seed: int) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the page, or a log; returns the exit code."""
-    command = argparse.ArgumentParser(prog="python -m tools.vehicle", description="Write docs/vehicle.md.")
+    command = argparse.ArgumentParser(
+        prog="python -m tools.pages.vehicle", description="Write docs/vehicle.md."
+    )
     command.add_argument("--log", nargs=2, metavar=("MANOEUVRE", "OUT.csv"), help="write a log instead")
     command.add_argument("--seed", type=int, default=0)
     given = command.parse_args(arguments)
@@ -68,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ConfigError as error:
         print(error, file=sys.stderr)
         return 2
-    from tools.vehicle_pictures import draw  # matplotlib, which a log does without
+    from tools.pages.vehicle_pictures import draw  # matplotlib, which a log does without
 
     (DOCS / "vehicle.md").write_text(text, encoding="utf-8")
     draw(DOCS / "pictures")

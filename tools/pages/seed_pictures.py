@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 
 from fusiond.simulation.registry import simulate
-from tools import seed_000, seed_001, seed_004
-from tools.seed_000 import EXAMPLES, Example
-from tools.seed_000_rows import steered
-from tools.trials import Floats, configured, estimate
+from tools.pages import seed_000, seed_001, seed_004
+from tools.pages.figures import figure
+from tools.pages.seed_000 import EXAMPLES, Example
+from tools.pages.seed_000_rows import steered
+from tools.pages.trials import Floats, configured, estimate
 
 IDEAL, ACCELEROMETER, ULTRASONIC, FUSED, BARE = "#222222", "#d1495b", "#edae49", "#00798c", "#8d6a9f"
-LOOK: Any = {
-    "svg.hashsalt": "seeds", "font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False,
-    "axes.grid": True, "grid.alpha": 0.25, "legend.frameon": False, "figure.facecolor": "white",
-}  # fmt: skip
-
-
-@contextmanager
-def figure(path: Path, width: float, height: float) -> Iterator[Figure]:
-    """A figure (inches), saved on leaving without a date."""
-    with mpl.rc_context():
-        mpl.rcParams.update(LOOK)
-        drawn = Figure((width, height), layout="constrained")
-        yield drawn
-        drawn.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
 def thin(values: Any, every: int = 50) -> Any:

@@ -1,7 +1,7 @@
 """Measure seed 004's filters and fusion modes and write docs/seed_004.md with its pictures.
 
-python -m tools.seed_004_page            measure everything, write the page and docs/pictures/seed_004_*.svg (2 minutes)
-python -m tools.seed_004_page --check    measure the cheap rows again and compare with the page; exit 1 if they differ
+python -m tools.pages.seed_004_page            measure everything, write the page and docs/pictures (2 minutes)
+python -m tools.pages.seed_004_page --check    measure the cheap rows again; exit 1 where the page differs
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tools.seed_004_rows import SECTIONS
-from tools.seed_row import Row
-from tools.seeds import DOCS, HEADER, differences
+from tools.pages.seed_004_rows import SECTIONS
+from tools.pages.seed_row import Row
+from tools.pages.seeds import DOCS, HEADER, differences
 
 PAGE = DOCS / "seed_004.md"
 TEMPLATE = Path(__file__).with_suffix(".md")
@@ -36,7 +36,7 @@ def cheap_rows() -> list[Row]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; returns the exit code."""
     command = argparse.ArgumentParser(
-        prog="python -m tools.seed_004_page", description="Write docs/seed_004.md."
+        prog="python -m tools.pages.seed_004_page", description="Write docs/seed_004.md."
     )
     command.add_argument(
         "--check", action="store_true", help="compare the page with the cheap rows measured now"
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         found = differences(PAGE.read_text(encoding="utf-8"), cheap_rows())
         print("\n".join(found) or f"{PAGE.name}: {len(cheap_rows())} rows measured again, all the same")
         return 1 if found else 0
-    from tools.seed_004_pictures import draw  # matplotlib, which --check does without
+    from tools.pages.seed_004_pictures import draw  # matplotlib, which --check does without
 
     PAGE.write_text(page(), encoding="utf-8")
     draw(DOCS / "pictures")

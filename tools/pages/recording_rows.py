@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from fusiond.assembly.assembly import Assembly, assemble
-from tools import ctrv_reference
-from tools.ctrv_reference import Rows
-from tools.recorded import Recorded, fix_residuals_m, outage_m
+from tools.pages import ctrv_reference
+from tools.pages.ctrv_reference import Rows
+from tools.pages.recorded import Recorded, fix_residuals_m, outage_m
 
 PUBLISHED_M = (1.0206, 3.4292)
 COURSE = {"x": 0.09, "y": 0.10, "vx": 0.40, "vy": 0.30}

@@ -9,8 +9,8 @@ import numpy as np
 
 from fusiond.simulation.registry import simulate
 from fusiond.simulation.tables import Simulation
-from tools.seed_row import Row, between, near
-from tools.trials import Floats, Trial, configured, estimate
+from tools.pages.seed_row import Row, between, near
+from tools.pages.trials import Floats, Trial, configured, estimate
 
 Q_M2 = (0.2 * 0.1) ** 2
 R_M2 = 0.03**2

@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 
 from fusiond.simulation.closed_loop import LoopRun
-from tools import seed_000
-from tools.seed_000 import EXAMPLES, LAST_S, Example
-from tools.seed_row import Row, between, near
-from tools.trials import Steered
+from tools.pages import seed_000
+from tools.pages.seed_000 import EXAMPLES, LAST_S, Example
+from tools.pages.seed_row import Row, between, near
+from tools.pages.trials import Steered
 
 SEEDS = range(8)
 

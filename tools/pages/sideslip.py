@@ -10,7 +10,7 @@ from fusiond.engine.engine import Engine
 from fusiond.simulation.streams import stream
 from fusiond.simulation.tables import Floats, Reading, Times
 from fusiond.simulation.vehicle_sensors import ACCELERATION_STD_M_S2, YAW_RATE_STD_RAD_S, Motion
-from tools.trials import records
+from tools.pages.trials import records
 
 EVERY = 10
 """Milliseconds between two readings."""

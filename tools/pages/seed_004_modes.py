@@ -19,7 +19,7 @@ from fusiond.recording.summary import Summary
 from fusiond.recording.truth import Truth
 from fusiond.simulation.linear_plants import ReferencePlant
 from fusiond.simulation.registry import simulate
-from tools.trials import Floats, configured, records
+from tools.pages.trials import Floats, configured, records
 
 Q = 2.3
 PRIOR = (np.outer(ReferencePlant().B, ReferencePlant().B) * Q).tolist()

@@ -18,7 +18,7 @@ from fusiond.simulation.closed_loop import LoopRun, PdLaw
 from fusiond.simulation.rig import PointRig
 from fusiond.simulation.systems import FEEDBACKS
 from fusiond.types import NANOSECONDS
-from tools.trials import Floats, Steered, configured, steer
+from tools.pages.trials import Floats, Steered, configured, steer
 
 DURATION_NS = 30 * NANOSECONDS
 LAST_S = 10.0

@@ -8,11 +8,11 @@ import numpy as np
 
 from fusiond.simulation.vehicle_manoeuvres import SEED_002, Manoeuvre
 from fusiond.simulation.vehicle_sensors import readings
-from tools.multibody import manoeuvre
-from tools.seed_pictures import figure
-from tools.trials import configured
-from tools.vehicle_runs import Drive, follow, withheld
-from tools.vehicle_tables import OUTAGE_S, SLOW_SENSORS
+from tools.pages.figures import figure
+from tools.pages.multibody import manoeuvre
+from tools.pages.trials import configured
+from tools.pages.vehicle_runs import Drive, follow, withheld
+from tools.pages.vehicle_tables import OUTAGE_S, SLOW_SENSORS
 
 COLOURS = {60.0: "#00798c", 90.0: "#edae49", 120.0: "#d1495b", 160.0: "#8d6a9f"}
 THIN = 50

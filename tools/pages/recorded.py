@@ -19,7 +19,7 @@ from fusiond.recording.summary import Summary
 from fusiond.recording.truth import Truth, read_truth
 from fusiond.types import NANOSECONDS, Verdict
 
-CONFIGS = Path(__file__).resolve().parents[1] / "configs"
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 SOURCES = {
     "jackal": "test2.bag",
     "dresden_car": "2014-03-26-000-Data.csv",

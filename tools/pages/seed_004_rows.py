@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from fusiond.fusion.federated import shares
-from tools import bank_truth, exact_modes, ill_conditioned
-from tools.bank_truth import Known, System
-from tools.seed_004_modes import PRIOR, Ratios, plant, ratios, replayed, singular_start
-from tools.seed_row import Row, between, near, within
+from tools.pages import bank_truth, exact_modes, ill_conditioned
+from tools.pages.bank_truth import Known, System
+from tools.pages.seed_004_modes import PRIOR, Ratios, plant, ratios, replayed, singular_start
+from tools.pages.seed_row import Row, between, near, within
 
 R_TEXT = Callable[[float], bool]
 RECURSIONS = {"ud": "UD", "conventional": "Model 1", "information": "Woodbury", "seed": "as printed"}
