@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 
 from fusiond.numerics.kernel import kernel
 
+LARGEST_VARIANCE = 1e290
+"""A variance grows no further: an unstable mode that nobody sees must not overflow into the others."""
+LARGEST_STATE = 1e145
+"""Nor does a state: the square root of that."""
+
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
@@ -138,6 +143,7 @@ def thornton_predict(U: Matrix, d: Vector, F: Matrix, W: Matrix, w_d: Vector, v:
         U, d: prior covariance, become the predicted one.   F: (n, n) state transition.
         W: (n + k, n) scratch whose rows n.. hold the k noise columns, transposed: W[n + j, i] = W_Q[i, j].
         w_d: (n + k,); elements n.. hold the noise variances.   v: (n,) scratch.
+    Variances stop at LARGEST_VARIANCE.
     Source: Thornton 1976; Grewal & Andrews 2015, section 7.6. Law: tests/laws/test_ud.py::test_thornton_equals_dense.
     """
     n = d.shape[0]
@@ -163,7 +169,7 @@ def thornton_predict(U: Matrix, d: Vector, F: Matrix, W: Matrix, w_d: Vector, v:
                 total += weighted * W[k, j]
                 for i in range(j):
                     v[i] += weighted * W[k, i]
-        d[j] = total
+        d[j] = min(total, LARGEST_VARIANCE)
         inverse = 1.0 / total if total > 0.0 else 0.0
         for i in range(j):
             v[i] *= inverse

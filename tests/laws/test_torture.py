@@ -181,6 +181,19 @@ def test_a_million_steps_with_a_mode_nobody_sees(mode):
     assert engine.covariance()[0, 0] < 0.01
 
 
+def test_a_mode_that_overflows_stays_finite_and_alone():
+    """a = 1.05 passes the largest number after 14,500 steps; variance and state stop short, the rest is untouched."""
+    blind = {"p": np.array([[1.0, 0, 0], [0, 1.0, 0]]), "q": np.array([[1.0, 0, 0], [0.3, 0.5, 0]])}
+    moves = np.array([[1.0, 0.01, 0.0], [-0.02, 0.98, 0.0], [0.0, 0.0, 1.05]])
+    engine = engine_of(A=moves, H=blind, P0=np.eye(3))
+    reports = engine.process(readings(engine, 50_000, sensors=("p",)))
+    assert np.isfinite(reports["x"]).all()
+    assert np.isfinite(reports["std"]).all()
+    assert (engine.track[0]["d"][0] >= 0.0).all()
+    assert reports["std"][-1, 2] > 1e140
+    assert reports["std"][-1, 0] < 0.1
+
+
 def test_a_million_steps_without_process_noise():
     """Q = 0: a constant read a million times is known to sigma / sqrt(k), to 1e-6."""
     engine = engine_of(

@@ -7,7 +7,7 @@ from typing import Any
 from fusiond.engine.records import CACHE
 from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.kernel import kernel
-from fusiond.numerics.ud import thornton_predict
+from fusiond.numerics.ud import LARGEST_STATE, thornton_predict
 
 from .process import discretise
 from .sizes import ERRORS, INPUTS, NOISES, STATES
@@ -47,7 +47,7 @@ def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
             total += F[i, j] * x[j]
         for j in range(INPUTS):
             total += B[i, j] * track.u[j]
-        work.x[i] = total
+        work.x[i] = min(max(total, -LARGEST_STATE), LARGEST_STATE)
     copy_vector(work.x, x)
     for j in range(NOISES):
         work.w_d[ERRORS + j] = work.cache_q[slot, j]
