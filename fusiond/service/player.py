@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.engine.records import HAS_ARRIVAL, HAS_R, HAS_SEQ
-from fusiond.service.publisher import CONNECT_S, SensorPublisher
+from fusiond.service.publisher import CONNECT_S, SensorPublisher, settle
 from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
 from fusiond.types import Role
 
@@ -67,6 +67,7 @@ class Player:
         """Leave."""
         for publisher in self.publishers:
             publisher.close()
+        settle(self._session, self.publishers[0].key)
         self._session.close()
 
     def __enter__(self) -> Self:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Literal, Self
 
@@ -16,7 +17,15 @@ from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_opt
 
 Covariance = Sequence[float] | Sequence[Sequence[float]]
 CONNECT_S = 5.0
+SETTLE_S = 2.0
 RESERVED = ("reference", "applied")
+
+
+def settle(session: zenoh.Session, key: str) -> None:
+    """Wait until what was put has left: a question nobody answers queues behind it, and its end comes back."""
+    with suppress(zenoh.ZError):
+        for _ in session.get(key, timeout=SETTLE_S):
+            pass
 
 
 class SensorPublisher:
@@ -108,6 +117,7 @@ class SensorPublisher:
             self.flush()
             self._publisher.undeclare()
             if self._own:
+                settle(self.session, self.key)
                 self.session.close()
 
     def __enter__(self) -> Self:
