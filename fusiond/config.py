@@ -42,7 +42,8 @@ class SensorSection(Section):
     """One sensor. The parameters of its kind stand beside these."""
 
     key: str | None = None
-    """Zenoh key expression it publishes on; by default NAMESPACE/sensor/NAME."""
+    """Zenoh key expression it publishes on. By default NAMESPACE/sensor/NAME; `reference` and `applied` stand directly
+    under NAMESPACE."""
     rate_hz: Positive | None = None
     """Its nominal rate; silence is judged by it."""
     noise_std: dict[str, NotNegative] = {}
@@ -157,9 +158,9 @@ class ServiceSection(Section):
     publish_hz: Positive = 50.0
     """Highest rate of `estimate`."""
     format: Literal["json", "record"] = "json"
-    """Encoding of what is published at rate: estimate, control, report."""
+    """Encoding of estimate and control; everything else that goes out is JSON."""
     ring: Annotated[int, Field(ge=16)] = 8192
-    """Readings each intake holds while the loop is busy; the oldest go first."""
+    """Puts that each subscription, and the queue behind them, holds while the loop is busy; the oldest go first."""
     tick_hz: Positive = 20.0
     """How often time passes where no reading says so."""
 
@@ -231,6 +232,10 @@ else:
     AnyControl = _one_of("law", _LAW_SECTIONS)
 
 
+RESERVED = ("reference", "applied")
+"""Names that stand directly under the namespace, whatever their role."""
+
+
 class Config(Section):
     """A whole configuration."""
 
@@ -256,6 +261,13 @@ class Config(Section):
     def prefix(self) -> str:
         """Prefix of every key."""
         return self.namespace or f"fusiond/{self.name}"
+
+    def key_of(self, name: str) -> str:
+        """Key expression on which a sensor's readings come."""
+        section = self.sensor.get(name)
+        if section is not None and section.key:
+            return section.key
+        return f"{self.prefix}/{name}" if name in RESERVED else f"{self.prefix}/sensor/{name}"
 
 
 OWN_FIELDS = {
@@ -321,7 +333,7 @@ def _explain(error: Mapping[str, Any]) -> str:
                 return f"{subject}: `{tag}` is missing; choose from {', '.join(sorted(choices))}"
             return f"{subject}: no kind `{given}`; {nearest(str(given), choices)}"
         case _:
-            return f"{subject}: {error['msg']}, got {error['input']!r}"
+            return f"{subject}: {error['msg']}, got {error['input']!r}; `fusiond config schema` describes it"
 
 
 def parse(text: str, source: str) -> Config:
@@ -329,7 +341,7 @@ def parse(text: str, source: str) -> Config:
     try:
         return Config.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{source}: not TOML ({error})") from error
+        raise ConfigError(f"{source}: not TOML ({error}); correct the line it names") from error
     except ValidationError as error:
         lines = [_explain(one) for one in error.errors(include_url=False)]
         raise ConfigError("\n".join(f"{source}: {line}" for line in lines)) from error
@@ -339,9 +351,12 @@ def read(path: Path) -> Config:
     """Read a configuration file; raises ConfigError."""
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: cannot be read as text; give the path of a TOML configuration") from error
+    except OSError as error:
+        reason = error.strerror
         raise ConfigError(
-            f"{path}: cannot be read ({error}); give the path of a TOML configuration"
+            f"{path}: cannot be read ({reason}); give the path of a TOML configuration"
         ) from error
     return parse(text, str(path))
 

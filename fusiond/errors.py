@@ -23,4 +23,4 @@ class ConnectionFailed(FusiondError):
 
 
 class EngineFault(FusiondError):
-    """Raised when a compiled step returns a code nobody expects: a defect of fusiond itself."""
+    """Raised when the compiled step breaks its own contract: a defect of fusiond itself."""

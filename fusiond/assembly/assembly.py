@@ -60,13 +60,6 @@ class Assembly:
             files = plain_sources(self.config, files, linear=resolved.process.linear)
         return import_package(write_package(files))
 
-    def key_of(self, name: str) -> str:
-        """The key expression on which a sensor's readings come."""
-        section = self.config.sensor.get(name)
-        if section is not None and section.key is not None:
-            return str(section.key)
-        return f"{self.config.prefix}/{name if section is None else f'sensor/{name}'}"
-
     def engine(self) -> Engine:
         """A fresh engine, before its first reading."""
         run = running(self.package.run) if self.layout.plain else self.package.run

@@ -39,7 +39,7 @@ def user_module(file: str, folder: Path, subject: str) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         raise ConfigError(
-            f"{subject}.file: {file} fails on import ({type(error).__name__}: {error})"
+            f"{subject}.file: {file} fails on import ({type(error).__name__}: {error}); correct the file"
         ) from error
     sys.modules[name] = module
     return module
@@ -69,11 +69,13 @@ def described(
             raise ConfigError(f"{subject}.{name}: unknown parameter; {nearest(name, wanted)}")
     for name, parameter in wanted.items():
         if name not in parameters and parameter.default is inspect.Parameter.empty:
-            raise ConfigError(f"{subject}.{name}: is missing; the model file needs it")
+            raise ConfigError(f"{subject}.{name}: is missing; add it")
     try:
         return module.describe(*arguments, **parameters)
     except ConfigError as error:
         joint = "." if str(error).partition(":")[0] in wanted else ": "
         raise ConfigError(f"{subject}{joint}{error}") from error
     except (TypeError, ValueError) as error:
-        raise ConfigError(f"{subject}: the model file refuses its parameters ({error})") from error
+        raise ConfigError(
+            f"{subject}: the model file refuses its parameters ({error}); compare them with its describe"
+        ) from error

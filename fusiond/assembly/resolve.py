@@ -81,7 +81,9 @@ def _noise(section: SensorSection, channels: tuple[Slot, ...], subject: str) -> 
                 f"{subject}.noise_covariance: is not symmetric {size}; one row a measured channel"
             )
         if np.linalg.eigvalsh(R)[0] < -1e-12 * np.trace(R):
-            raise ConfigError(f"{subject}.noise_covariance: has a negative eigenvalue; a covariance has none")
+            raise ConfigError(
+                f"{subject}.noise_covariance: has a negative eigenvalue; check its numbers, or give noise_std"
+            )
         return R
     stds = by_key(section.noise_std, channels, f"{subject}.noise_std")
     for slot in channels:

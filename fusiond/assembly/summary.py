@@ -17,7 +17,7 @@ def _sensor(assembly: Assembly, number: int) -> dict[str, Any]:
     return {
         "name": sensor.name,
         "role": sensor.role.label,
-        "key": assembly.key_of(sensor.name),
+        "key": assembly.config.key_of(sensor.name),
         "channels": [slot.key for slot in sensor.model.channels],
         "max_silence_s": silence_ns / NANOSECONDS if silence_ns else None,
     }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 
 from fusiond.cli.commands import app
-from fusiond.errors import ConfigError, ConnectionFailed, FusiondError, LogError
+from fusiond.errors import ConfigError, FusiondError, LogError
 
 
 def main() -> None:
@@ -18,7 +18,7 @@ def main() -> None:
     except (ConfigError, LogError) as error:
         print(error, file=sys.stderr)
         sys.exit(2)
-    except (ConnectionFailed, FusiondError) as error:
+    except FusiondError as error:
         print(error, file=sys.stderr)
         sys.exit(1)
     except KeyboardInterrupt:

@@ -6,9 +6,11 @@ import json
 from pathlib import Path
 from typing import Annotated, Any
 
+import orjson
 import typer
 
 from fusiond import __version__
+from fusiond.errors import LogError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -33,8 +35,8 @@ Endpoint = Annotated[str, typer.Option("--connect", help="Endpoint of the daemon
 
 
 def _emit(result: dict[str, Any]) -> None:
-    """One JSON object on stdout."""
-    typer.echo(json.dumps(result, allow_nan=False))
+    """One JSON object on stdout; a number that is not finite becomes null."""
+    typer.echo(orjson.dumps(result, default=str))
 
 
 def _version(wanted: bool) -> None:
@@ -123,6 +125,8 @@ def replay(
         _emit(result)
     else:
         show_replay(result)
+    if result["readings"] and not any(sensor["used"] for sensor in result["sensors"].values()):
+        raise LogError(f"{log}: no reading was used; is {config} the configuration of this log?")
 
 
 @app.command()
@@ -169,7 +173,7 @@ def import_(
     with counting(f"import {src.name}") as progress:
         imported = import_recording(src, mapping, out, json_readings=json_readings, progress=progress)
     if as_json:
-        _emit(json.loads(json.dumps(asdict(imported), default=str)))
+        _emit(asdict(imported))
     else:
         show_import(imported, out)
 
@@ -182,11 +186,7 @@ def diff(run_a: RunPath, run_b: RunPath, as_json: Json = False) -> None:
 
     difference = compare(run_a, run_b)
     if as_json:
-        _emit(
-            json.loads(
-                json.dumps(difference.json_object()).replace("Infinity", "null").replace("NaN", "null")
-            )
-        )
+        _emit(difference.json_object())
     else:
         show_diff(difference)
     raise typer.Exit(0 if difference.equal else 1)

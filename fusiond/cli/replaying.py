@@ -7,6 +7,7 @@ from typing import Any
 
 from fusiond.assembly.assembly import Assembly
 from fusiond.cli.views import counting, working
+from fusiond.errors import ConfigError
 from fusiond.recording.log import open_log
 from fusiond.recording.mcap_writer import McapWriter
 from fusiond.recording.replay import replay
@@ -17,6 +18,8 @@ def replay_log(
     assembly: Assembly, log: Path, *, truth: Path | None, out: Path | None, config_text: str
 ) -> dict[str, Any]:
     """Replay one log; returns the object of `replay --json`. Raises LogError."""
+    if out is not None and out.exists() and log.exists() and out.samefile(log):
+        raise ConfigError(f"--out: {out} is the log itself; name another file")
     layout = assembly.layout
     angles = {slot.name for slot in (*layout.states, *layout.outputs) if slot.unit == "rad"}
     source = open_log(log, layout)

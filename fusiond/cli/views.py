@@ -107,18 +107,20 @@ def show_replay(result: Mapping[str, Any]) -> None:
         table.add_row(name, *counts, _number(sensor["nis_mean"]), sensor["health"])
     console.print(table)
     console.print(f"refused: {_counts(result.get('refused', {}))}")
+    console.print(f"output_sha256 {result['output_sha256']}")
     for warning in result.get("warnings", []):
         console.print(f"[yellow]{warning}[/yellow]")
 
 
 def show_import(imported: Any, out: Path) -> None:
     """What was imported."""
-    console.print(f"{out}: {imported.readings:,} readings")
-    for name, count in imported.sensors.items():
+    console.print(f"{out}: {sum(imported.readings.values()):,} readings")
+    for name, count in imported.readings.items():
         console.print(f"  {name}: {count:,}")
     if imported.truth is not None:
-        console.print(f"truth: {imported.truth}")
-    for warning in imported.warnings:
+        rows, path = imported.truth
+        console.print(f"{path}: {rows:,} rows of truth")
+    for warning in imported.refusals.messages():
         console.print(f"[yellow]{warning}[/yellow]")
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import orjson
 from rich.console import Console
 
 from fusiond.assembly.assembly import Assembly, load
@@ -85,7 +86,7 @@ def demonstrate(name: str, duration_s: float, *, json_output: bool, seed: int, i
         print(error, file=sys.stderr)
         return 1
     if json_output:
-        print(json.dumps(outcome.json_object()))
+        print(orjson.dumps(outcome.json_object()).decode())
     display.judge(outcome.verdict)
     return 0 if outcome.verdict.ok else 1
 

@@ -94,7 +94,8 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     Each filter has its own time: it is predicted only when one of its own readings comes, so that leaving a sensor
     out is, bit for bit, a run that never had it. U (n, n) is unit upper triangular (only its upper part is meant),
     d >= 0; they are the covariance of the error of x.
-    u: the inputs held now, u_var their variances.   sensor_t_ns, sensor_z: last used reading of each sensor.
+    u: the inputs held now, u_var their variances.   sensor_t_ns: stamp of each sensor's last
+    reading, held ones included; sensor_z: its last used one.
     """
     n, f, s, m, ni = shape.errors, shape.filters, shape.sensors, shape.payload, shape.inputs
     return record(

@@ -14,7 +14,7 @@ from fusiond.numerics.kernel import kernel
 LARGEST_VARIANCE = 1e290
 """A variance grows no further: an unstable mode that nobody sees must not overflow into the others."""
 LARGEST_STATE = 1e145
-"""Nor does a state: the square root of that."""
+"""Nor does a state of a linear model in the compiled step: the square root of that."""
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

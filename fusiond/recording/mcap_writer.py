@@ -41,6 +41,17 @@ BLOCK = 8192
 """Most records in one packed message."""
 
 
+def keep_existing(path: Path) -> Path | None:
+    """Move an existing file out of the way, to `NAME-1.mcap` or the next free number; returns where to."""
+    if not path.exists():
+        return None
+    number = 1
+    while (aside := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists():
+        number += 1
+    path.rename(aside)
+    return aside
+
+
 class McapWriter:
     """Writes one recording; a context manager.
 

@@ -26,8 +26,13 @@ from fusiond.service.settings import Settings, settings_of
 from fusiond.service.status import configuration, status
 from fusiond.service.telemetry import Voice
 from fusiond.service.wire import Decoder, take
-from fusiond.types import RESET, TICK, Health
+from fusiond.types import RESET, TICK, Health, ServiceHealth, seconds
 
+WHY = {
+    ServiceHealth.DEGRADED.label: "; a sensor is silent, the rest still corrects the state",
+    ServiceHealth.DEAD_RECKONING.label: "; nothing corrected the state within health.dead_reckoning_s",
+    ServiceHealth.INVALID.label: "; reset, not finite, or nothing corrected the state within health.invalid_s",
+}
 HOUSEKEEPING_NS = 1_000_000_000
 LONGEST_WAIT_NS = 100_000_000
 """Longest sleep of the loop: a stop, and the watchdog, never wait longer."""
@@ -92,13 +97,13 @@ class Daemon:
         """
         settings, layout = self.settings, self.assembly.layout
         self.preparing = True
-        # One reading through an engine that is thrown away: the step is compiled, or loaded, before anybody waits.
-        self.assembly.engine().process(np.zeros(1, layout.reading))
+        self.assembly.prepare()
         self.engine = self.assembly.engine()
         self._resets: NDArray[np.int64] = self.engine.track["resets"]
         self.preparing = False
         self.started_ns = self.clock.now_ns()
         self.epoch = self.started_ns // 1_000_000
+        self._complained: dict[str, int] = {}
         self._decoder, self._counters, self._watch = Decoder(layout), Counters(layout), HealthWatch(layout)
         self._event = np.zeros(1, layout.reading)
         self._event["flags"] = HAS_ARRIVAL
@@ -228,31 +233,33 @@ class Daemon:
     def _complain(self, now_ns: int) -> None:
         for verdict, count in self._decoder.refusals.counts.items():
             first = self._decoder.refusals.first[verdict]
-            self.voice.warn(
-                f"refused {verdict.label} {count}", now_ns,
+            self._complain_of(
+                f"refused {verdict.label}", count, now_ns,
                 f"intake: {count} refused as {verdict.label}, the first from {first}; correct the sender",
             )  # fmt: skip
-        if self.mailbox.dropped:
-            self.voice.warn(
-                f"dropped {self.mailbox.dropped}", now_ns,
-                f"intake: {self.mailbox.dropped} puts dropped (limit {self.mailbox.capacity} waiting); "
-                "pack several readings in a put, or raise service.ring",
-            )  # fmt: skip
+        dropped = self.mailbox.dropped
+        self._complain_of(
+            "dropped", dropped, now_ns,
+            f"intake: {dropped} puts dropped (limit {self.mailbox.capacity} waiting); pack several readings in a put, "
+            "or raise service.ring",
+        )  # fmt: skip
         if self._recorder is not None and self._recorder.error:
             self.voice.warn("recording", now_ns, self._recorder.error)
+
+    def _complain_of(self, kind: str, count: int, now_ns: int, text: str) -> None:
+        """Say that a count has grown since it was last said."""
+        if count != self._complained.get(kind, 0) and self.voice.warn(kind, now_ns, text):
+            self._complained[kind] = count
 
     def _tell(self, change: Transition) -> None:
         subject = change.sensor or "service"
         text = f"{subject}: {change.before} -> {change.after}"
         if change.sensor is None:
-            text += " since nothing corrected the state in time" if change.after != "nominal" else ""
+            text += WHY.get(change.after, "")
         elif change.after == Health.SILENT.label:
-            limit_s = self.settings.silence_s.get(change.sensor)
-            text = (
-                f"{subject}: silent (limit {limit_s:g} s); withheld until its next reading"
-                if limit_s
-                else text
-            )
+            number = self.assembly.layout.numbers[change.sensor]
+            limit_s = seconds(int(self.assembly.design["silence_ns"][0, number]))
+            text = f"{subject}: silent (limit {limit_s:g} s); withheld until its next reading"
         self.voice.info(text, t_s=change.t_ns / 1e9)
 
     def _say(self, topic: str, payload: bytes, t_ns: int) -> None:
@@ -274,7 +281,7 @@ class Daemon:
         return configuration(self.assembly.config, self.assembly.layout)
 
     def _reset(self, _: Mapping[str, Any]) -> dict[str, Any]:
-        """Set the state to its initial value, as if the daemon had just begun."""
+        """Let the state start again with the next reading; held inputs, sequence numbers and the reference stay."""
         self._happen(RESET, int(self.engine.desk["newest_t_ns"][0]), self.clock.now_ns())
         self.voice.info("command: reset; the state starts again with the next reading")
         return {"done": "reset", "resets": self._resets.item()}

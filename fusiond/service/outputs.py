@@ -24,9 +24,10 @@ from fusiond.service.messages import (
 )
 from fusiond.service.outlet import JSON, declare, is_heard
 from fusiond.service.report_rows import ReportRows
-from fusiond.types import EVENTS, Role, ServiceHealth, Verdict
+from fusiond.types import EVENTS, Action, Role, ServiceHealth, Verdict
 
 USED = int(Verdict.USED)
+REPLAYED = int(Action.REPLAYED)
 DEAD_RECKONING = int(ServiceHealth.DEAD_RECKONING)
 Say = Callable[[str, bytes, int], None]
 """Told of every JSON message that goes out: topic, bytes, time in ns (the recording)."""
@@ -84,9 +85,12 @@ class Outputs:
         """Send what a batch of reports gives: estimates, commands, and reports somebody listens to."""
         rows, updating = self._rows, self._updating
         raw = rows.open(reports)
-        for k, (t_ns, sensor, verdict, service, state_t_ns, command_due) in enumerate(rows.heads(raw)):
+        for k, (t_ns, sensor, verdict, action, service, state_t_ns, command_due) in enumerate(
+            rows.heads(raw)
+        ):
             updated = verdict == USED and updating[sensor]
-            if updated:
+            late = action == REPLAYED and self._update_ns is not None and t_ns < self._update_ns
+            if updated and not late:
                 self._update_ns = t_ns
             if updated or service >= DEAD_RECKONING:
                 self._estimate(raw, k, state_t_ns, service, resets)

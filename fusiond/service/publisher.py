@@ -64,17 +64,20 @@ class SensorPublisher:
             encoding=reading_record.ENCODING if self._packs_records else reading_json.ENCODING,
         )  # fmt: skip
 
-    def publish(self, z: Sequence[float], t_ns: int | None = None, R: Covariance | None = None) -> None:
+    def publish(
+        self, z: Sequence[float] | float, t_ns: int | None = None, R: Covariance | None = None
+    ) -> None:
         """Send one reading.
 
         Args:
-            z: its numbers in the order and units of the configuration's channels.
+            z: its numbers in the order and units of the configuration's channels; one number may stand alone.
             t_ns: when it was measured, ns; without it, now (ns since 1970).
             R: its covariance (rows; JSON only) or variances, in squared units of z.
         Raises: ValueError where R does not fit.
         """
         stamp = time.time_ns() if t_ns is None else int(t_ns)
-        self._waiting.append(self._encode(z, stamp, R))
+        values = (z,) if isinstance(z, int | float) else z
+        self._waiting.append(self._encode(values, stamp, R))
         self.seq += 1
         if len(self._waiting) >= self._pack:
             self.flush()

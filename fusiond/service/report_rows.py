@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fusiond.engine.layout import Layout
 
 CODES = {"<i8": "q", "<u8": "Q", "<i4": "i", "<f8": "d"}
-HEAD = ("t_ns", "sensor", "verdict", "service", "state_t_ns", "command_due")
+HEAD = ("t_ns", "sensor", "verdict", "action", "service", "state_t_ns", "command_due")
 STATE = ("x", "std")
 COMMAND = ("command_valid", "command")
 
@@ -38,7 +38,7 @@ class ReportRows:
         return reports.tobytes()
 
     def heads(self, raw: bytes) -> Iterator[tuple[Any, ...]]:
-        """`t_ns, sensor, verdict, service, state_t_ns, command_due` of every report, in order."""
+        """`t_ns, sensor, verdict, action, service, state_t_ns, command_due` of every report, in order."""
         return self._head.iter_unpack(raw)
 
     def state(self, raw: bytes, k: int) -> tuple[tuple[float, ...], tuple[float, ...]]:

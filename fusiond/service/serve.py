@@ -10,7 +10,7 @@ from typing import Any
 import structlog
 
 from fusiond.recording.background import BackgroundWriter
-from fusiond.recording.mcap_writer import McapWriter
+from fusiond.recording.mcap_writer import McapWriter, keep_existing
 from fusiond.service.daemon import Daemon
 from fusiond.service.signals import Interrupted, stopping_on_signals
 from fusiond.service.telemetry import Voice, set_up
@@ -34,6 +34,8 @@ def serve(
     """
     set_up()
     voice = Voice(structlog.get_logger("fusiond"))
+    if record is not None and (aside := keep_existing(record)) is not None:
+        voice.info(f"recording: {record} was there; it is now {aside}")
     recorder = None if record is None else BackgroundWriter(McapWriter(record, assembly.layout, config_text))
     daemon = Daemon(assembly, listen=listen, connect=connect, recorder=recorder, voice=voice)
     whole = True

@@ -90,10 +90,11 @@ def _config(options: Options) -> zenoh.Config:
 
 
 def _listen_failure(options: Options, reason: str) -> str:
-    where = ", ".join(options["listen/endpoints"])
+    where = ", ".join(one for one in options["listen/endpoints"] if not one.startswith("unixsock-stream/"))
     if "in use" in reason:
         return (
-            f"listen {where}: the address is in use; stop the other daemon or choose --listen tcp/127.0.0.1:0"
+            f"listen {where}: the address is in use; stop the other daemon, choose --listen tcp/127.0.0.1:0, or join "
+            f"it with --connect and a --listen of your own"
         )
     return f"listen {where}: {_short(reason)}; choose another --listen, e.g. {DEFAULT_ENDPOINT}"
 

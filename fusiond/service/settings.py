@@ -10,10 +10,6 @@ import zenoh
 
 from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
-from fusiond.types import Role
-
-RESERVED = {Role.REFERENCE: "reference", Role.APPLIED: "applied"}
-"""Roles whose sensors stand directly under the namespace."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +18,6 @@ class Settings:
 
     Args:
         prefix: namespace of every key.      keys: key expression of every sensor, by name.
-        silence_s: longest healthy silence of every sensor that has one, by name; for messages.
     """
 
     prefix: str
@@ -36,7 +31,6 @@ class Settings:
     tick_hz: float
     record_hz: float
     keys: dict[str, str]
-    silence_s: dict[str, float]
 
 
 def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Sequence[str]) -> Settings:
@@ -53,18 +47,11 @@ def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Seq
         ring=service.ring,
         tick_hz=service.tick_hz,
         record_hz=config.recording.estimate_hz,
-        keys={sensor.name: key_of(config, sensor.name, sensor.role) for sensor in layout.sensors},
-        silence_s=silences(config),
+        keys={
+            sensor.name: checked(config.key_of(sensor.name), f"sensor.{sensor.name}.key")
+            for sensor in layout.sensors
+        },
     )
-
-
-def key_of(config: Any, name: str, role: Role) -> str:
-    """Key expression a sensor publishes on. Raises: ConfigError where Zenoh has none of that form."""
-    section = config.sensor.get(name)
-    if section is not None and section.key:
-        return checked(str(section.key), f"sensor.{name}.key")
-    own = RESERVED.get(role, f"sensor/{name}")
-    return checked(f"{config.prefix}/{own}", "namespace")
 
 
 def checked(key: str, subject: str) -> str:
@@ -76,14 +63,3 @@ def checked(key: str, subject: str) -> str:
             f"{subject}: `{key}` is no key expression; write chunks between single slashes, none at either end, "
             "with * or ** only as whole chunks"
         ) from error
-
-
-def silences(config: Any) -> dict[str, float]:
-    """Longest healthy silence by sensor: as configured, or three periods of its rate."""
-    found: dict[str, float] = {}
-    for name, section in config.sensor.items():
-        if section.max_silence_s is not None:
-            found[name] = section.max_silence_s
-        elif section.rate_hz is not None:
-            found[name] = 3.0 / section.rate_hz
-    return found

@@ -45,16 +45,17 @@ class Voice:
         """Say what is as it should be."""
         self._logger.info(text, **facts)
 
-    def warn(self, kind: str, now_ns: int, text: str, **facts: Any) -> None:
-        """Say what is not, unless its kind was just said."""
+    def warn(self, kind: str, now_ns: int, text: str, **facts: Any) -> bool:
+        """Say what is not, unless its kind was just said; returns whether it was said."""
         said_ns, held_back = self._said.get(kind, (now_ns - QUIET_NS, 0))
         if now_ns - said_ns < QUIET_NS:
             self._said[kind] = (said_ns, held_back + 1)
-            return
+            return False
         self._said[kind] = (now_ns, 0)
         if held_back:
             facts["held_back"] = held_back
         self._logger.warning(text, **facts)
+        return True
 
     def error(self, text: str, **facts: Any) -> None:
         """Say what ends the daemon or a part of it."""

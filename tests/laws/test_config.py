@@ -178,7 +178,7 @@ MISTAKES = {
     "not TOML": ("[model]", "model]", "cart.toml: not TOML ("),
 }
 COVARIANCES = {
-    "[[-0.1]]": "has a negative eigenvalue; a covariance has none",
+    "[[-0.1]]": "has a negative eigenvalue; check",
     "[[0.1, 0.0]]": "is not symmetric 1 x 1;",
     "[]": "is not symmetric 1 x 1;",
 }
@@ -254,7 +254,7 @@ def describe(*, walk: float, step_s: float = 0.0) -> Process:
         (
             "return Process(states=(Slot('x'),), linear=True)",
             "",
-            "model.walk: is missing; the model file needs it",
+            "model.walk: is missing; add it",
         ),
         (
             "return Process(states=(Slot('x'),), linear=True)",

@@ -166,3 +166,8 @@ def test_what_is_held_is_judged_in_the_order_of_stamps():
     for k, values in ((2, [3.0, 4.0]), (1, [1.0, 2.0]), (0, [1.0, 2.0])):
         one(engine, "a", SECOND + k * 100 * MS, values)
     assert engine.state_sha256() == ordered
+
+
+def test_no_gate_is_an_infinite_limit():
+    engine = rig()
+    assert np.isinf(one(engine, "a", SECOND, [0.1, 0.2])["limit"])

@@ -182,7 +182,7 @@ def test_rows_of_reports_are_the_fields_of_the_record(assembly):
     reports["command_valid"][1], reports["command"][1] = 1, 0.5
     rows = ReportRows(assembly.layout)
     raw = rows.open(reports)
-    assert list(rows.heads(raw)) == [(1, 0, 0, 3, 5, 0), (2, -1, 0, 1, 6, 0)]
+    assert list(rows.heads(raw)) == [(1, 0, 0, 0, 3, 5, 0), (2, -1, 0, 0, 1, 6, 0)]
     assert rows.state(raw, 1) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
     assert rows.command(raw, 1) == (True, (0.5,))
 

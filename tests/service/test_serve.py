@@ -36,7 +36,7 @@ def test_a_signal_during_compilation_ends_it_at_once(assembly, number):
     class Compiling:
         config, layout = assembly.config, assembly.layout
 
-        def engine(self):
+        def prepare(self):
             os.kill(os.getpid(), number)
             raise AssertionError("the signal was not heard")
 
@@ -48,6 +48,9 @@ def test_a_signal_during_compilation_ends_it_at_once(assembly, number):
 def test_a_failure_of_the_engine_ends_it_with_that_failure(assembly):
     class Broken:
         config, layout = assembly.config, assembly.layout
+
+        def prepare(self):
+            pass
 
         def engine(self):
             engine = assembly.engine()

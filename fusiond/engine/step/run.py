@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from fusiond.engine.records import CENTRAL
 from fusiond.numerics.kernel import entry, kernel
 from fusiond.numerics.ud import ud_compose
@@ -26,7 +28,8 @@ REPLAYED = int(Action.REPLAYED)
 
 @kernel
 def begin_report(reading: Any, report: Any) -> None:
-    """Copy what the reading says; the rest of the report is zeroed by the caller."""
+    """Copy what the reading says, with no gate; the rest of the report is zeroed by the caller."""
+    report.limit = np.inf
     report.t_ns = reading.t_ns
     report.arrival_ns = reading.arrival_ns
     report.seq = reading.seq

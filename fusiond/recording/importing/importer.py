@@ -60,6 +60,8 @@ def import_recording(
     Raises: ConfigError for the mapping's mistakes, LogError for files that cannot be read or written.
     """
     plan = read_mapping(mapping)
+    if not src.exists():
+        raise LogError(f"{src}: is not there; name an existing recording")
     layout = plan.layout(out.stem)
     attitude = () if plan.attitude is None else (plan.attitude,)
     reader = Reader(src, (*attitude, *plan.sensors), Frames(plan.origin_deg), Refusals())
