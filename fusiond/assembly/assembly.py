@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +24,7 @@ from fusiond.config import Config, read
 from fusiond.engine.engine import Derive, Engine
 from fusiond.engine.layout import Layout
 from fusiond.engine.plain.running import running
-from fusiond.errors import ConfigError
+from fusiond.errors import ConfigError, FusiondError
 from fusiond.numerics.kernel import interpreted
 from fusiond.types import TICK
 
@@ -99,6 +102,23 @@ def _file_names(resolved: Resolved) -> list[str]:
     ]
 
 
+@contextmanager
+def blaming_users_files(config: Config) -> Iterator[None]:
+    """Turn what a model file of the operator's own raises when it is first called into a ConfigError."""
+    files = [section.file for section in (config.model, *config.sensor.values()) if hasattr(section, "file")]
+    try:
+        yield
+    except FusiondError:
+        raise
+    except Exception as error:
+        if not files:
+            raise
+        line = traceback.extract_tb(error.__traceback__)[-1].lineno
+        raise ConfigError(
+            f"{', '.join(files)}: fails when called ({type(error).__name__}: {error}, line {line}); correct the file"
+        ) from error
+
+
 def assemble(config: Config, folder: Path = Path()) -> Assembly:
     """Derive everything a configuration implies; raises ConfigError.
 
@@ -107,13 +127,14 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
     """
     check_choices(config)
     resolved = resolve(config, folder)
-    layout = layout_of(resolved)
-    if layout.plain and resolved.process.errors:
-        raise ConfigError(
-            'filter.recursion: the state of this model is no vector; leave it at "ud", centralized'
-        )
-    check_jacobians(resolved)
-    require_observable(resolved)
+    with blaming_users_files(config):
+        layout = layout_of(resolved)
+        if layout.plain and resolved.process.errors:
+            raise ConfigError(
+                'filter.recursion: the state of this model is no vector; leave it at "ud", centralized'
+            )
+        check_jacobians(resolved)
+        require_observable(resolved)
     design = design_of(resolved, layout)
     return Assembly(resolved, layout, plain_design(resolved, layout, design) if layout.plain else design)
 

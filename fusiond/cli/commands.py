@@ -125,7 +125,7 @@ def replay(
         _emit(result)
     else:
         show_replay(result)
-    if result["readings"] and not any(sensor["used"] for sensor in result["sensors"].values()):
+    if result["refused"] and not any(sensor["used"] for sensor in result["sensors"].values()):
         raise LogError(f"{log}: no reading was used; is {config} the configuration of this log?")
 
 
