@@ -71,7 +71,9 @@ def test_a_log_of_another_configuration_is_no_success(command, log):
 def test_import_says_what_came_out(command, tmp_path):
     source, mapping, out = tmp_path / "drive.csv", tmp_path / "map.toml", tmp_path / "drive.mcap"
     source.write_text("time,x\n0.0,1.0\n0.1,1.1\n", encoding="utf-8")
-    mapping.write_text('[sensor.y1]\ntime = "time"\nvalues = [{ from = "x", name = "x" }]\n', encoding="utf-8")
+    mapping.write_text(
+        '[sensor.y1]\ntime = "time"\nvalues = [{ from = "x", name = "x" }]\n', encoding="utf-8"
+    )
     status, said, err = command("import", source, mapping, out)
     assert (status, err) == (0, "")
     assert "y1: 2" in said
@@ -81,7 +83,9 @@ def test_a_missing_source_leaves_the_output_alone(command, tmp_path):
     kept = tmp_path / "kept.mcap"
     kept.write_bytes(b"precious")
     mapping = tmp_path / "map.toml"
-    mapping.write_text('[sensor.y1]\ntime = "time"\nvalues = [{ from = "x", name = "x" }]\n', encoding="utf-8")
+    mapping.write_text(
+        '[sensor.y1]\ntime = "time"\nvalues = [{ from = "x", name = "x" }]\n', encoding="utf-8"
+    )
     status, _, err = command("import", tmp_path / "nowhere.bag", mapping, kept)
     assert status == 2
     assert "is not there" in err
