@@ -121,7 +121,7 @@ def test_a_signal_ends_it_within_a_second_while_readings_come(start, number):
 
 def test_an_endpoint_in_use_is_told_with_the_remedy(start):
     daemon = start()
-    with pytest.raises(ConnectionFailed, match=r"in use; stop the other daemon or choose --listen"):
+    with pytest.raises(ConnectionFailed, match=r"in use; stop the other daemon, choose --listen"):
         open_sessions("peer", [daemon.endpoint], [])
 
 
