@@ -118,8 +118,7 @@ PARTS: dict[str, Callable[[], list[Row]]] = {
 REMARKS = {
     "2.daemon.rtt.p50": "Missed by the median round trip: repeated runs give 1.5 to 1.7 times a bare echo. Tried: no "
     "hand-over between threads, numba's dispatcher bypassed, health and counters after the put, one session for "
-    "readings and estimates. A reading costs the daemon 7 us when it is warm and about 25 us after a millisecond of "
-    "idling.",
+    "readings and estimates. Where the rest of the distance to the echo goes is not explained.",
 }
 """What is known of a promise that is not kept."""
 

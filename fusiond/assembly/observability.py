@@ -57,8 +57,8 @@ def observability(resolved: Resolved, sensors: tuple[ResolvedSensor, ...]) -> Ob
     return Observability(n, rank, unobserved)
 
 
-def require_observable(resolved: Resolved) -> Observability:
-    """What all sensors together see; raises ConfigError for a state they do not, unless it is accepted."""
+def require_observable(resolved: Resolved) -> None:
+    """Raise ConfigError for a state that all sensors together do not see, unless it is accepted."""
     accepted = set(resolved.config.filter.accept_unobservable)
     for name in accepted:
         try:
@@ -73,7 +73,6 @@ def require_observable(resolved: Resolved) -> Observability:
             f"sensor: nothing observes {names} (rank {seen.rank} of {seen.states}); add a sensor that does, or list "
             f"what may stay unknown under filter.accept_unobservable"
         )
-    return seen
 
 
 def bears_a_filter(resolved: Resolved, sensor: ResolvedSensor) -> bool:

@@ -73,7 +73,7 @@ def sizes_source(shape: records.Shape) -> str:
     constants = {
         "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises,
         "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
-        "REFERENCES": shape.references, "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
+        "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
     }  # fmt: skip
     return "".join([f"{name} = {value}\n" for name, value in constants.items()])
 

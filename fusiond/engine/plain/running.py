@@ -12,6 +12,7 @@ def running(run: Callable[..., int]) -> Callable[..., int]:
     """Wrap a plain step's `run`: divide by zero as kernels do, keep covariances as the compiled one does."""
 
     def taken(*arguments: Any) -> int:
+        """Take readings one at a time, with the arguments of the compiled `run`; returns how many were taken."""
         *records, readings, reports, covariances = arguments
         tracks = records[0]
         nothing = covariances[:0]
