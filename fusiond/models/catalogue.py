@@ -7,6 +7,7 @@ from types import ModuleType
 from fusiond.models import (
     driven_point_mass,
     driven_position,
+    driven_robot,
     ground_vehicle,
     linear,
     planar_body,
@@ -27,6 +28,7 @@ from fusiond.models.sensors import (
     heading,
     magnetic_field,
     radar,
+    vehicle_course,
     wheel_speed,
     wheel_velocity,
     yaw_rate,
@@ -37,6 +39,7 @@ from fusiond.models.sensors import linear as linear_sensor
 PROCESSES: dict[str, ModuleType] = {
     "driven_point_mass": driven_point_mass,
     "driven_position": driven_position,
+    "driven_robot": driven_robot,
     "ground_vehicle": ground_vehicle,
     "linear": linear,
     "planar_body": planar_body,
@@ -59,6 +62,7 @@ SENSORS: dict[str, ModuleType] = {
     "linear": linear_sensor,
     "magnetic_field": magnetic_field,
     "radar": radar,
+    "vehicle_course": vehicle_course,
     "wheel_speed": wheel_speed,
     "wheel_velocity": wheel_velocity,
     "yaw_rate": yaw_rate,

@@ -18,6 +18,7 @@ from fusiond.numerics.kernel import interpreted
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 NONLINEAR = {
+    "driven_robot": "plaza2_scale",
     "ground_vehicle": "ground_vehicle",
     "planar_body": "jackal",
     "planar_robot": "planar",
@@ -35,8 +36,26 @@ VEHICLE = PROCESSES["ground_vehicle"].describe(
     **parameters(read(CONFIGS / "ground_vehicle.toml").model, "model")
 )
 MASS = PROCESSES["driven_point_mass"].describe()
+MOWER = PROCESSES["driven_robot"].describe(constants=["clock", "range_scale"])
+SPACE = PROCESSES["linear"].describe(
+    states=["x", "y", "z", "range_scale"],
+    A=np.zeros((4, 4)).tolist(),
+    G=np.eye(4).tolist(),
+    Q=np.eye(4).tolist(),
+)
 OBSERVED = {
     "beacon_range": (ROBOT, {"beacons": [[3.0, 1.0, 2.0], [7.0, -4.0, 9.0]], "height_m": 1.5}, [0.0, 7.0]),
+    "beacon_range.scaled": (
+        MOWER,
+        {"beacons": [[3.0, 1.0, 2.0], [7.0, -4.0, 9.0]], "scale_state": "range_scale", "scale": 1.1},
+        [0.0, 3.0],
+    ),
+    "beacon_range.space": (SPACE, {"beacons": [[3.0, 1.0, 2.0, -8.0], [7.0, -4.0, 9.0, 6.0]]}, [0.0, 7.0]),
+    "beacon_range.all": (
+        SPACE,
+        {"beacons": [[3.0, 1.0, 2.0, 9.0]], "scale_state": "range_scale"},
+        [0.0, 3.0],
+    ),
     "direct": (ROBOT, {"slots": ["yaw", "speed"]}, [0.0, 0.0]),
     "gps_course": (VEHICLE, {}, [0.0] * 4),
     "gps_position": (ROBOT, {"lever_forward_m": 0.8, "lever_left_m": -0.3}, [0.0, 0.0]),
@@ -55,7 +74,8 @@ OBSERVED = {
 }
 """What every kind of sensor is tried with: a process model, its parameters, and a reading that carries its index."""
 ON_A_MANIFOLD = {
-    "attitude", "barometer", "gnss_position", "gnss_velocity", "magnetic_field", "wheel_velocity", "zero_velocity",
+    "attitude", "barometer", "gnss_position", "gnss_velocity", "magnetic_field", "vehicle_course", "wheel_velocity",
+    "zero_velocity",
 }  # fmt: skip
 """Sensors of a state that is no vector: tests/laws/test_strapdown.py."""
 
@@ -282,6 +302,20 @@ def test_on_top_of_a_sensor_nothing_is_divided_by_zero(case):
     assert np.isfinite(H).all()
 
 
+def test_a_driven_robot_drives_a_circle():
+    """A metre a second and half a radian a second, 1 ms at a time: a quarter turn on a radius of 2 m."""
+    x, process = np.array([0.0, 0.0, 0.0, 7.0, 1.07]), MOWER
+    for _ in range(1000):
+        x = transition_of(process, PROCESSES["driven_robot"], x, np.array([1.0, 0.5]), math.pi * 1e-3)[0]
+    assert x == pytest.approx([2.0, 2.0, 0.5 * math.pi, 7.0, 1.07], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["yaw", "range_scale"])
+def test_a_constant_has_a_name_of_its_own(name):
+    with pytest.raises(ConfigError, match=f"`{name}` is a state already"):
+        PROCESSES["driven_robot"].describe(constants=[name, "range_scale", name])
+
+
 def test_the_derived_outputs_are_those_of_the_plane():
     y = np.zeros(2)
     interpreted(PROCESSES["planar_constant_velocity"].derive)(np.array([0.0, 0.0, -3.0, 4.0]), np.zeros(1), y)
@@ -303,6 +337,14 @@ def test_a_sensor_says_which_state_it_misses():
     assert "vx, vy or yaw, speed" in refusal("radar", MASS)
     assert refusal("gps_position", POINT, lever_forward_m=0.5).endswith("set the lever to 0")
     assert "[number, x_m, y_m]" in refusal("beacon_range", POINT, beacons=[[1.0, 2.0]])
+    both = [[1.0, 2.0, 3.0], [1.0, 5.0, 6.0]]
+    assert "twice" in refusal("beacon_range", POINT, beacons=both)
+    assert "no state `z`" in refusal("beacon_range", POINT, beacons=[[1.0, 2.0, 3.0, 4.0]])
+    assert "no state `range_scale`" in refusal(
+        "beacon_range", POINT, beacons=both[:1], scale_state="range_scale"
+    )
+    assert "scale: is 0" in refusal("beacon_range", POINT, beacons=both[:1], scale=0.0)
+    assert "strapdown" in refusal("vehicle_course", POINT)
     assert refusal("linear", MASS, H=[[1.0, 2.0]]).startswith("H: has 1 rows of [2] numbers, needs 1 x 3")
 
 

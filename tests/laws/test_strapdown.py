@@ -40,6 +40,7 @@ OBSERVED = {
     "gnss_velocity": ("gnss_velocity", {"lever_m": LEVER}),
     "gnss_velocity.flat": ("gnss_velocity", {"horizontal": True}),
     "magnetic_field": ("magnetic_field", {"field": [20.0, 1.0, 43.0], "mounting_rad": [0.2, 0.4, -2.0]}),
+    "vehicle_course": ("vehicle_course", {"slow_m_s": 3.0, "offset_rad": 0.2}),
     "wheel_velocity": (
         "wheel_velocity",
         {"axes": ["x", "z", "y"], "scale": 1.1, "lever_m": LEVER, "mounting_rad": [0.1, 0.2, 0.5]},
@@ -104,7 +105,7 @@ def observed(case, x):
     at = np.array([names.index(name) for name in sensor.reads])
     m = len(sensor.channels)
     h, H = np.zeros(m), np.zeros((m, 15))
-    assert interpreted(SENSORS[kind].observe)(x, np.zeros(m), at, np.array(sensor.parameters), h, H)
+    assert interpreted(SENSORS[kind].observe)(x, np.ones(m), at, np.array(sensor.parameters), h, H)
     return h, H, sensor
 
 

@@ -23,7 +23,7 @@ from fusiond.recording.importing.rows import MissingField, Row
 from fusiond.recording.importing.sources import Rows, rows_of
 from fusiond.recording.mcap_writer import McapWriter
 from fusiond.recording.refusals import Refusals
-from fusiond.types import Verdict
+from fusiond.types import NANOSECONDS, Verdict
 
 CHUNK = 8192
 
@@ -105,6 +105,7 @@ class Reader:
     _seen: set[str] = field(default_factory=set)
     _before: dict[str, tuple[float, ...]] = field(default_factory=dict)
     _first: dict[str, tuple[int, int]] = field(default_factory=dict)
+    _latest: dict[str, int] = field(default_factory=dict)
 
     def readings(self) -> Iterator[tuple[Source, RowReading]]:
         """Readings of all files with their source, merged by arrival (by stamp where the mapping names no
@@ -117,12 +118,16 @@ class Reader:
                     x, y, z, w = (row.number(field) for field in source.values[0].fields)
                     self.frames.attitude = (x, y, z, w)
                     continue
-                reading = reading_of(row, source, self.frames, self._stamp_ns(row, number, source))
+                t_ns = self._stamp_ns(row, number, source)
+                since = self._since_s(source, t_ns)
+                reading = reading_of(row, source, self.frames, t_ns, since)
             except (MissingField, ValueError, OverflowError) as error:
                 self._refuse(error, number, source)
                 continue
             finally:
                 self._seen.add(source.name)
+            if since is None:
+                continue
             if source.on_change:
                 if self._before.get(source.name) == reading.z:
                     continue
@@ -172,6 +177,19 @@ class Reader:
         first, first_ns = self._first.setdefault(source.name, (number, t_ns))
         return first_ns + (number - first) * source.every_ns
 
+    def _since_s(self, source: Source, t_ns: int) -> float | None:
+        """Seconds since the source's row before, 1 where none of its values is a gain; None for its first row.
+
+        Raises: ValueError where the row is not later than the one before.
+        """
+        if not any(value.per_s for value in source.values):
+            return 1.0
+        before_ns = self._latest.get(source.name)
+        if before_ns is not None and t_ns <= before_ns:
+            raise ValueError("is not later than the row before, so that its gain has no rate")
+        self._latest[source.name] = t_ns
+        return None if before_ns is None else (t_ns - before_ns) / NANOSECONDS
+
     def _refuse(self, error: Exception, number: int, source: Source) -> None:
         if isinstance(error, MissingField) and source.name not in self._seen:
             raise ConfigError(f"sensor.{source.name}: the recording {error}; correct the mapping") from error
@@ -185,11 +203,16 @@ def recorded_ns(row: Row, source: Source) -> int:
     return row.time_ns(source.arrival, source.arrival_unit)
 
 
-def reading_of(row: Row, source: Source, frames: Frames, t_ns: int) -> RowReading:
-    """One reading, stamped t_ns. Raises: MissingField; ValueError where a number is none."""
+def reading_of(row: Row, source: Source, frames: Frames, t_ns: int, since_s: float | None) -> RowReading:
+    """One reading, stamped t_ns. Raises: MissingField; ValueError where a number is none.
+
+    Args:
+        since_s: time since the row before, by which gains are divided.
+    """
     arrival_ns = None if source.arrival is None else row.time_ns(source.arrival, source.arrival_unit)
     seq = None if source.seq is None else int(row.text(source.seq))
-    z = tuple(number_of(value, row, frames) for value in source.values)
+    gained_in_s = since_s or 1.0
+    z = tuple(number_of(v, row, frames) / (gained_in_s if v.per_s else 1.0) for v in source.values)
     return RowReading(t_ns, arrival_ns, seq, z)
 
 

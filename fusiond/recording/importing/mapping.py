@@ -21,6 +21,9 @@ latitude and a longitude in degrees, or `roll_of`, `pitch_of`, `yaw_of` (z-y-x a
 [x, y, z, w] from body to world, or `forward_of`
 / `left_of` a velocity [x, y, z] of the body: what is left of it in the horizontal plane, ahead and to the
 left, by the newest orientation of the table [attitude] (`quaternion = [x, y, z, w]`, a place and a clock).
+`mean_of` columns is their mean; `ecef_east_of`, `ecef_north_of` and `ecef_altitude_of` are of an earth-fixed position
+[x, y, z], m, in the same plane as `east_of`, and above the ellipsoid. With `per_s` a number was gained since the
+source's row before (encoder counts, a turn): it is divided by the time between, and the first row has none.
 Fields that are not in degrees or the like are multiplied by `field_scale` first (1e-7 for latitudes in 1e-7 deg).
 
 `[truth]` (or several `[[truth]]`) is written like a sensor, with names of states or outputs; `[origin]` has
@@ -48,9 +51,10 @@ PLACE = {"file", "topic", "key", "time_file", "value_file", "delimiter", "header
 CLOCK = {"time", "time_unit", "every_s", "arrival", "arrival_unit", "seq"}
 KINDS = {
     "from": 1, "east_of": 2, "north_of": 2, "roll_of": 4, "pitch_of": 4, "yaw_of": 4, "forward_of": 3, "left_of": 3,
+    "ecef_east_of": 3, "ecef_north_of": 3, "ecef_altitude_of": 3, "mean_of": 0,
 }  # fmt: skip
-"""What a number is made of, and of how many fields."""
-VALUE = {"name", "unit", "field_scale", "scale", "offset", "convert", "wrap", *KINDS}
+"""What a number is made of, and of how many fields; 0 for any number of them."""
+VALUE = {"name", "unit", "field_scale", "scale", "offset", "convert", "wrap", "per_s", *KINDS}
 ATTITUDE = "attitude"
 """Name of the source that gives the body's orientation; no sensor may have it."""
 CONVERSIONS = ("deg_to_rad", "km_h_to_m_s", "course_deg_to_yaw_rad")
@@ -69,6 +73,7 @@ class Value:
     convert: str
     wrap: bool
     field_scale: float = 1.0
+    per_s: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,8 +278,11 @@ def value_of(table: Any, subject: str) -> Value:
     raw = table[kind]
     fields = tuple(raw) if isinstance(raw, list) else (raw,)
     needed = KINDS[kind]
-    if len(fields) != needed or not all(isinstance(f, str | int) for f in fields):
-        raise ConfigError(f"{subject}.{kind}: {raw!r} is not {needed} column(s); name them, or count from 0")
+    counted = len(fields) == needed if needed else bool(fields)
+    if not counted or not all(isinstance(f, str | int) for f in fields):
+        raise ConfigError(
+            f"{subject}.{kind}: {raw!r} is not {needed or 'a list of'} column(s); name them, or count from 0"
+        )
     convert = table.get("convert", "")
     if convert and convert not in CONVERSIONS:
         raise ConfigError(f"{subject}.convert: {convert!r} is unknown; write one of {', '.join(CONVERSIONS)}")
@@ -289,7 +297,7 @@ def value_of(table: Any, subject: str) -> Value:
     return Value(
         str(table["name"]), str(table.get("unit", "")), kind, fields,
         float(numbers["scale"]), float(numbers["offset"]), convert, bool(table.get("wrap", False)),
-        float(numbers["field_scale"]),
+        float(numbers["field_scale"]), bool(table.get("per_s", False)),
     )  # fmt: skip
 
 

@@ -36,6 +36,23 @@ class Projection:
         return prime_vertical_m * math.cos(lat0) * east_rad, meridian_m * (math.radians(latitude_deg) - lat0)
 
 
+def geodetic(x_m: float, y_m: float, z_m: float) -> tuple[float, float, float]:
+    """Latitude deg, longitude deg and height above the WGS-84 ellipsoid, m, of an earth-fixed (ECEF) position.
+
+    The usual fixed point for the latitude, whose error shrinks by e^2 = 0.0067 each time: below 1 um after five. The
+    height is the projection on the vertical, sound at the poles too.
+    """
+    across_m = math.hypot(x_m, y_m)
+    latitude = math.atan2(z_m, across_m * (1.0 - ECCENTRICITY_2))
+    for _ in range(5):
+        prime_vertical_m = EQUATOR_M / math.sqrt(1.0 - ECCENTRICITY_2 * math.sin(latitude) ** 2)
+        latitude = math.atan2(z_m + ECCENTRICITY_2 * prime_vertical_m * math.sin(latitude), across_m)
+    sine, cosine = math.sin(latitude), math.cos(latitude)
+    curvature = math.sqrt(1.0 - ECCENTRICITY_2 * sine**2)
+    height_m = across_m * cosine + z_m * sine - EQUATOR_M * curvature
+    return math.degrees(latitude), math.degrees(math.atan2(y_m, x_m)), height_m
+
+
 class Frames:
     """What numbers are turned by: the local tangent plane, and the newest orientation of the body."""
 
@@ -90,10 +107,21 @@ def number_of(value: Value, row: Row, frames: Frames) -> float:
         number = yaw_rad(*fields)
     elif value.kind in ("forward_of", "left_of"):
         number = frames.level(*fields)[0 if value.kind == "forward_of" else 1]
+    elif value.kind == "mean_of":
+        number = math.fsum(fields) / len(fields)
+    elif value.kind.startswith("ecef_"):
+        number = on_the_plane(value.kind, geodetic(*fields), frames)
     else:
         number = frames.projection.east_north_m(*fields)[0 if value.kind == "east_of" else 1]
     number = converted(number, value.convert) * value.scale + value.offset
     return wrapped(number) if value.wrap else number
+
+
+def on_the_plane(kind: str, place: tuple[float, float, float], frames: Frames) -> float:
+    """East or north of the origin, or the altitude, of a geodetic place: `ecef_east_of` and its fellows."""
+    if kind == "ecef_altitude_of":
+        return place[2]
+    return frames.projection.east_north_m(*place[:2])[0 if kind == "ecef_east_of" else 1]
 
 
 def converted(number: float, convert: str) -> float:
