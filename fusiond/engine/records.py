@@ -76,6 +76,8 @@ def report_dtype(shape: Shape) -> np.dtype[Any]:
     e: the innovation whitened channel by channel, unit variance under the model.  nis = sum e^2, dof terms.
     limit: largest nis the gate lets pass (infinite: no gate).   state_t_ns: time of x and std.
     health: of every sensor after the reading.   command_due: 1 where a command was computed.
+    resets, jump: how often the state was set to its initial value, and by how much it jumped the last time (error
+    slots: what leads from the estimate before to the one after).
     """
     m, s, k = shape.payload, shape.sensors, shape.controls
     return record(
@@ -84,6 +86,7 @@ def report_dtype(shape: Shape) -> np.dtype[Any]:
         ("z", "<f8", (m,)), ("nu", "<f8", (m,)), ("S", "<f8", (m,)), ("e", "<f8", (m,)),
         ("R_used", "<f8", (m,)), ("R_declared", "<f8", (m,)), ("nis", "<f8"), ("limit", "<f8"),
         ("state_t_ns", "<i8"), ("x", "<f8", (shape.states,)), ("std", "<f8", (shape.errors,)),
+        ("resets", "<i8"), ("jump", "<f8", (shape.errors,)),
         ("command_due", "<i4"), ("command_valid", "<i4"), ("command", "<f8", (k,)),
     )  # fmt: skip
 
@@ -95,11 +98,12 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     out is, bit for bit, a run that never had it. U (n, n) is unit upper triangular (only its upper part is meant),
     d >= 0; they are the covariance of the error of x.
     u: the inputs held now, u_var their variances.   sensor_t_ns: stamp of each sensor's last
-    reading, held ones included; sensor_z: its last used one.
+    reading, held ones included; sensor_z: its last used one.   resets, jump: as in the report.
     """
     n, f, s, m, ni = shape.errors, shape.filters, shape.sensors, shape.payload, shape.inputs
     return record(
         ("started", "<i8"), ("t_ns", "<i8"), ("start_ns", "<i8"), ("update_ns", "<i8"), ("resets", "<i8"),
+        ("jump", "<f8", (n,)),
         ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, shape.states)), ("U", "<f8", (f, n, n)), ("d", "<f8", (f, n)),
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),

@@ -140,9 +140,8 @@ class Run:
         writer.reports(reports)
         if not updating.any():
             return
-        resets = int(self._engine.track["resets"][0])
         for report in self._thinning.pick(reports[updating]):
-            message = estimate_message(self._engine.layout, report, self._estimates, EPOCH, resets)
+            message = estimate_message(self._engine.layout, report, self._estimates, EPOCH)
             t_ns = int(report["state_t_ns"])
             writer.message("estimate", message, t_ns, int(report["arrival_ns"]) or t_ns)
             self._estimates += 1

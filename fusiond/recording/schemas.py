@@ -20,8 +20,8 @@ PROPERTIES: dict[str, dict[str, object]] = {
     },
     "fusiond.Instant": {"t": TIME, "t_ns": {"type": "integer"}, "arrival_ns": {"type": "integer"}},
     "fusiond.Estimate": {
-        "t": TIME, "seq": SEQ, "epoch": {}, "resets": SEQ, "state": NAMED, "std": NAMED, "health": {"type":
-        "string"},
+        "t": TIME, "seq": SEQ, "epoch": {}, "resets": SEQ, "jump": NAMED, "state": NAMED, "std": NAMED,
+        "health": {"type": "string"},
     },
     "fusiond.Control": {
         "t": TIME, "seq": SEQ, "epoch": {}, "u": NAMED, "valid": {"type": "boolean"},
@@ -30,7 +30,7 @@ PROPERTIES: dict[str, dict[str, object]] = {
     "fusiond.Health": {"t": TIME, "seq": SEQ, "service": {"type": "string"}, "sensors": {"type": "object"}},
     "fusiond.Event": {
         "t": TIME, "t_ns": {"type": "integer"}, "epoch": {}, "id": {}, "sensor": {},
-        "from": {"type": "string"}, "to": {"type": "string"}, "fault": {},
+        "from": {"type": "string"}, "to": {"type": "string"}, "fault": {}, "reset": {},
     },
 }  # fmt: skip
 """The properties of each message; those without a type may be of several."""

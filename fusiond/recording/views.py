@@ -13,18 +13,18 @@ from fusiond.recording.reading_json import number_json
 from fusiond.types import NANOSECONDS, ServiceHealth, seconds
 
 
-def estimate_message(layout: Layout, report: Any, seq: int, epoch: str, resets: int) -> dict[str, Any]:
-    """The estimate after one report: `{t, seq, epoch, resets, state{}, std{}, health}`."""
-    names = [slot.name for slot in layout.states]
+def estimate_message(layout: Layout, report: Any, seq: int, epoch: str) -> dict[str, Any]:
+    """The estimate after one report: `{t, seq, epoch, resets, jump{}, state{}, std{}, health}`."""
+    names, errors = [slot.name for slot in layout.states], [slot.name for slot in layout.errors]
+    resets = int(report["resets"])
     return {
         "t": seconds(int(report["state_t_ns"])),
         "seq": seq,
         "epoch": epoch,
         "resets": resets,
+        "jump": dict(zip(errors, map(number_json, report["jump"]), strict=False)) if resets else {},
         "state": dict(zip(names, map(number_json, report["x"]), strict=False)),
-        "std": dict(
-            zip([slot.name for slot in layout.errors], map(number_json, report["std"]), strict=False)
-        ),
+        "std": dict(zip(errors, map(number_json, report["std"]), strict=False)),
         "health": ServiceHealth(int(report["service"])).label,
     }
 

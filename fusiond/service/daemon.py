@@ -192,7 +192,7 @@ class Daemon:
 
     def _process(self, readings: NDArray[Any]) -> NDArray[Any]:
         reports: NDArray[Any] = self.engine.process(readings)
-        self._outputs.publish(reports, self._resets.item())
+        self._outputs.publish(reports)
         self._locals.publish(reports)
         for change in self._watch.observe(reports):
             self._outputs.transition(change)

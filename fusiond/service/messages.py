@@ -37,13 +37,19 @@ class EstimateMessage:
         self._errors = [slot.name for slot in layout.errors]
 
     def content(
-        self, t_ns: int, seq: int, epoch: int, resets: int, x: Sequence[float], std: Sequence[float], service: int,
-        outputs: Mapping[str, float] | None,
+        self, t_ns: int, seq: int, epoch: int, resets: int, jump: Sequence[float], x: Sequence[float],
+        std: Sequence[float], service: int, outputs: Mapping[str, float] | None,
     ) -> Message:  # fmt: skip
-        """One estimate; `outputs` (numbers derived from the state) stand in it where the model has any."""
+        """One estimate; `outputs` (numbers derived from the state) stand in it where the model has any.
+
+        Args:
+            resets, jump: how often the state was set anew, and what led from the estimate before the last time to
+                the one after: whoever follows the estimate shifts by it when `resets` has grown by one.
+        """
         sound = math.isfinite(sum(x) + sum(std))
         message: Message = {
             "t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch, "resets": resets,
+            "jump": dict(zip(self._errors, jump, strict=True)) if resets else {},
             "state": dict(zip(self._names, x, strict=True)) if sound else {},
             "std": dict(zip(self._errors, std, strict=True)) if sound else {},
             "health": SERVICE_LABELS[service] if sound else INVALID,
@@ -90,6 +96,14 @@ def event_message(t_ns: int, seq: int, epoch: int, sensor: str | None, before: s
     """One transition of health; `sensor` is null for the service's own. `fault` is null until faults are named."""
     identity = {"id": f"{epoch}-{seq}", "sensor": sensor}
     return head(t_ns, seq, epoch) | identity | {"from": before, "to": after, "fault": None}
+
+
+def reset_event(
+    t_ns: int, seq: int, epoch: int, service: int, resets: int, jump: Mapping[str, float]
+) -> Message:
+    """The state was set to its initial value; the service's health beside it is that after the reset."""
+    label = SERVICE_LABELS[service]
+    return event_message(t_ns, seq, epoch, None, label, label) | {"reset": {"resets": resets, "jump": jump}}
 
 
 def report_message(report: Any, layout: Layout, seq: int, epoch: int) -> Message:

@@ -1,9 +1,10 @@
 """Estimate and control as packed records, for consumers that count microseconds (`service.format = "record"`).
 
-`<4sBBHQQqQ` magic `FUSE` (estimate) or `FUSC` (control), version 1, health of the service (0 nominal, 1 degraded,
+`<4sBBHQQqQ` magic `FUSE` (estimate) or `FUSC` (control), version (2, 1), health of the service (0 nominal, 1 degraded,
 2 dead reckoning, 3 invalid), count n, u64 seq, u64 epoch, i64 t_ns, u64 resets (estimate) or valid (control); then
-f64 state[n], std[...] (estimate) or u[n], age_s (control); u32 CRC-32 of all before. Names and order of the numbers
-are those of the configuration (ask `config`). An estimate that is not finite has n = 0 and health 3.
+f64 state[n], std[m], jump[m] (estimate; the last reset's, zeros before the first) or u[n], age_s (control); u32 CRC-32
+of all before. Names and order of the numbers are those of the configuration (ask `config`). An estimate that is not
+finite has no state and std, n = 0, and health 3.
 """
 
 from __future__ import annotations
@@ -17,21 +18,23 @@ from typing import Any
 from fusiond.service.messages import SERVICE_LABELS
 from fusiond.types import ServiceHealth
 
-ESTIMATE_ENCODING = "application/octet-stream;fusiond.estimate.v1"
+ESTIMATE_ENCODING = "application/octet-stream;fusiond.estimate.v2"
 CONTROL_ENCODING = "application/octet-stream;fusiond.control.v1"
 HEADER = Struct("<4sBBHQQqQ")
 CRC = Struct("<I")
+VERSIONS = {b"FUSE": 2, b"FUSC": 1}
 INVALID = int(ServiceHealth.INVALID)
 
 
 def encode_estimate(
-    t_ns: int, seq: int, epoch: int, resets: int, x: Sequence[float], std: Sequence[float], service: int
-) -> bytes:
+    t_ns: int, seq: int, epoch: int, resets: int, jump: Sequence[float], x: Sequence[float], std: Sequence[float],
+    service: int,
+) -> bytes:  # fmt: skip
     """One estimate; one that is not finite becomes an empty, invalid one."""
     if not all(map(math.isfinite, (*x, *std))):
         x, std, service = (), (), INVALID
-    body = HEADER.pack(b"FUSE", 1, service, len(x), seq, epoch, t_ns, resets)
-    return _sealed(body + Struct(f"<{len(x) + len(std)}d").pack(*x, *std))
+    body = HEADER.pack(b"FUSE", VERSIONS[b"FUSE"], service, len(x), seq, epoch, t_ns, resets)
+    return _sealed(body + Struct(f"<{len(x) + len(std) + len(jump)}d").pack(*x, *std, *jump))
 
 
 def encode_control(
@@ -40,7 +43,7 @@ def encode_control(
     """One command; one that is not finite goes out as zeros, not valid."""
     if not all(map(math.isfinite, u)):
         u, valid = [0.0] * len(u), False
-    body = HEADER.pack(b"FUSC", 1, service, len(u), seq, epoch, t_ns, int(valid))
+    body = HEADER.pack(b"FUSC", VERSIONS[b"FUSC"], service, len(u), seq, epoch, t_ns, int(valid))
     return _sealed(body + Struct(f"<{len(u) + 1}d").pack(*u, age_s))
 
 
@@ -55,13 +58,15 @@ def decode_output(payload: bytes) -> dict[str, Any]:
     magic, version, service, n, seq, epoch, t_ns, extra = HEADER.unpack_from(payload)
     size, rest = divmod(len(payload) - HEADER.size - CRC.size, 8)
     fits = {b"FUSE": size >= n, b"FUSC": size == n + 1}.get(magic, False)
-    if not fits or rest or version != 1:
-        raise ValueError("neither an estimate nor a command of version 1")
+    if not fits or rest or version != VERSIONS[magic]:
+        raise ValueError("neither an estimate of version 2 nor a command of version 1")
     numbers = list(Struct(f"<{size}d").unpack_from(payload, HEADER.size))
     message: dict[str, Any] = {"t": t_ns / 1e9, "t_ns": t_ns, "seq": seq, "epoch": epoch}
     if magic == b"FUSE":
+        end = n + (size - n) // 2 if n else 0
         return message | {
-            "resets": extra, "state": numbers[:n], "std": numbers[n:], "health": SERVICE_LABELS[service],
+            "resets": extra, "jump": numbers[end:], "state": numbers[:n], "std": numbers[n:end],
+            "health": SERVICE_LABELS[service],
         }  # fmt: skip
     return message | {
         "u": numbers[:n],

@@ -21,6 +21,7 @@ from fusiond.service.messages import (
     event_message,
     health_message,
     report_message,
+    reset_event,
 )
 from fusiond.service.outlet import JSON, declare, is_heard
 from fusiond.service.report_rows import ReportRows
@@ -28,6 +29,7 @@ from fusiond.types import EVENTS, Action, Role, ServiceHealth, Verdict
 
 USED = int(Verdict.USED)
 REPLAYED = int(Action.REPLAYED)
+RESET = int(Action.RESET)
 DEAD_RECKONING = int(ServiceHealth.DEAD_RECKONING)
 Say = Callable[[str, bytes, int], None]
 """Told of every JSON message that goes out: topic, bytes, time in ns (the recording)."""
@@ -81,7 +83,7 @@ class Outputs:
         self._report_seq = [0 for _ in layout.sensors]
         self._asked: list[int] = []
 
-    def publish(self, reports: NDArray[Any], resets: int) -> None:
+    def publish(self, reports: NDArray[Any]) -> None:
         """Send what a batch of reports gives: estimates, commands, and reports somebody listens to."""
         rows, updating = self._rows, self._updating
         raw = rows.open(reports)
@@ -92,8 +94,10 @@ class Outputs:
             late = action == REPLAYED and self._update_ns is not None and t_ns < self._update_ns
             if updated and not late:
                 self._update_ns = t_ns
+            if action == RESET:
+                self._reset(raw, k, t_ns, service)
             if updated or service >= DEAD_RECKONING:
-                self._estimate(raw, k, state_t_ns, service, resets)
+                self._estimate(raw, k, state_t_ns, service)
             if command_due:
                 self._control(raw, k, t_ns, service)
         if self._asked:
@@ -115,18 +119,26 @@ class Outputs:
         """Find out whose reports somebody listens to; called now and then, since asking Zenoh takes time."""
         self._asked = [i for i, publisher in enumerate(self._reports) if is_heard(publisher)]
 
-    def _estimate(self, raw: bytes, k: int, t_ns: int, service: int, resets: int) -> None:
+    def _reset(self, raw: bytes, k: int, t_ns: int, service: int) -> None:
+        resets, jump = self._rows.state(raw, k)[2:]
+        named = {slot.name: size for slot, size in zip(self.layout.errors, jump, strict=True)}
+        message = reset_event(t_ns, self._next("event"), self.epoch, service, resets, named)
+        self._put_json("event", message, t_ns)
+
+    def _estimate(self, raw: bytes, k: int, t_ns: int, service: int) -> None:
         goes_out = self._limit.passes(t_ns)
         goes_down = self._say is not None and self._record_hz > 0 and self._record_limit.passes(t_ns)
         if not (goes_out or goes_down):
             return
-        x, std = self._rows.state(raw, k)
+        x, std, resets, jump = self._rows.state(raw, k)
         seq = self._next("estimate") if goes_out else self._seq["estimate"]
         derived = self._derived(np.array(x)) if self._derived else None
-        message = self._estimate_message.content(t_ns, seq, self.epoch, resets, x, std, service, derived)
+        message = self._estimate_message.content(
+            t_ns, seq, self.epoch, resets, jump, x, std, service, derived
+        )
         self.latest = message
         if goes_out and self._packed:
-            record = output_record.encode_estimate(t_ns, seq, self.epoch, resets, x, std, service)
+            record = output_record.encode_estimate(t_ns, seq, self.epoch, resets, jump, x, std, service)
             self._publishers["estimate"].put(record)
         elif goes_out:
             self._publishers["estimate"].put(dumps(message))

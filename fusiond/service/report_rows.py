@@ -13,7 +13,7 @@ from fusiond.engine.layout import Layout
 
 CODES = {"<i8": "q", "<u8": "Q", "<i4": "i", "<f8": "d"}
 HEAD = ("t_ns", "sensor", "verdict", "action", "service", "state_t_ns", "command_due")
-STATE = ("x", "std")
+STATE = ("x", "std", "resets", "jump")
 COMMAND = ("command_valid", "command")
 
 
@@ -30,7 +30,7 @@ class ReportRows:
         self._head = fields_struct(dtype, HEAD, whole=True)
         self._state = fields_struct(dtype, STATE)
         self._command = fields_struct(dtype, COMMAND)
-        self._n = layout.shape.states
+        self._n, self._errors = layout.shape.states, layout.shape.errors
         self._controls = len(layout.controls)
 
     def open(self, reports: NDArray[Any]) -> bytes:
@@ -41,10 +41,13 @@ class ReportRows:
         """`t_ns, sensor, verdict, action, service, state_t_ns, command_due` of every report, in order."""
         return self._head.iter_unpack(raw)
 
-    def state(self, raw: bytes, k: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """State and standard deviations of report k."""
+    def state(
+        self, raw: bytes, k: int
+    ) -> tuple[tuple[float, ...], tuple[float, ...], int, tuple[float, ...]]:
+        """State, standard deviations, number of resets and last jump of report k."""
         numbers = self._state.unpack_from(raw, k * self.size)
-        return numbers[: self._n], numbers[self._n :]
+        end = self._n + self._errors
+        return numbers[: self._n], numbers[self._n : end], numbers[end], numbers[end + 1 :]
 
     def command(self, raw: bytes, k: int) -> tuple[bool, tuple[float, ...]]:
         """Whether the command of report k is valid, and the command."""

@@ -171,20 +171,24 @@ def test_a_reset_is_done_once_for_each_idempotency_key(start):
     daemon = start()
     with (
         EstimateSubscriber("bench", daemon.endpoint) as estimates,
+        TopicSubscriber("bench", "event", daemon.endpoint) as events,
         SensorPublisher("bench", "ultrasonic", daemon.endpoint) as sensor,
     ):
         sensor.wait_until_heard()
         sensor.publish([0.5])
-        assert estimates.next(WAIT_S)["resets"] == 0
+        before = estimates.next(WAIT_S)
+        assert (before["resets"], before["jump"]) == (0, {})
         first = ask("bench", "command/reset", daemon.endpoint, fields={"id": "a"})
         again = ask("bench", "command/reset", daemon.endpoint, fields={"id": "a"})
         assert first == {"done": "reset", "resets": 1}
         assert again == first | {"repeated": True}
         assert daemon.status()["service"] == "invalid"
+        event = next(message for message in events if "reset" in message.content)
         sensor.publish([0.7])
         after = estimates.next(WAIT_S)
-        assert after["resets"] == 1
-        assert after["health"] == "nominal"
+        assert (after["resets"], after["health"]) == (1, "nominal")
+        assert after["jump"] == {name: pytest.approx(-before["state"][name]) for name in before["state"]}
+        assert event["reset"] == {"resets": 1, "jump": after["jump"]}
 
 
 def test_a_question_that_means_nothing_is_refused(start):

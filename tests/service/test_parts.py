@@ -138,10 +138,12 @@ def test_the_fewest_subscriptions_cover_every_key():
 
 @pytest.mark.parametrize("bad", [NAN, float("inf")])
 def test_a_state_that_is_not_finite_goes_out_as_invalid(bad, assembly):
-    message = EstimateMessage(assembly.layout).content(1, 1, 1, 0, (0.0, bad, 0.0), (1.0, 1.0, 1.0), 0, None)
+    message = EstimateMessage(assembly.layout).content(
+        1, 1, 1, 0, (0.0,) * 3, (0.0, bad, 0.0), (1.0, 1.0, 1.0), 0, None
+    )
     assert (message["state"], message["std"], message["health"]) == ({}, {}, "invalid")
-    record = decode_output(encode_estimate(1, 1, 1, 0, (0.0, bad, 0.0), (1.0, 1.0, 1.0), 0))
-    assert (record["state"], record["health"]) == ([], "invalid")
+    record = decode_output(encode_estimate(1, 1, 1, 0, (0.0,) * 3, (0.0, bad, 0.0), (1.0, 1.0, 1.0), 0))
+    assert (record["state"], record["std"], record["health"]) == ([], [], "invalid")
 
 
 def test_a_command_that_is_not_finite_is_zero_and_not_valid(assembly):
@@ -152,9 +154,9 @@ def test_a_command_that_is_not_finite_is_zero_and_not_valid(assembly):
 
 
 def test_packed_outputs_say_what_json_says():
-    estimate = decode_output(encode_estimate(3_500_000_000, 7, 9, 2, (1.0, 2.0), (0.5, 0.25), 1))
+    estimate = decode_output(encode_estimate(3_500_000_000, 7, 9, 2, (0.0, -3.0), (1.0, 2.0), (0.5, 0.25), 1))
     assert estimate == {
-        "t": 3.5, "t_ns": 3_500_000_000, "seq": 7, "epoch": 9, "resets": 2,
+        "t": 3.5, "t_ns": 3_500_000_000, "seq": 7, "epoch": 9, "resets": 2, "jump": [0.0, -3.0],
         "state": [1.0, 2.0], "std": [0.5, 0.25], "health": "degraded",
     }  # fmt: skip
     command = decode_output(encode_control(-1, 1, 9, (1.5,), True, 0.125, 0))
@@ -180,10 +182,11 @@ def test_rows_of_reports_are_the_fields_of_the_record(assembly):
     )
     reports["x"][1], reports["std"][1] = (1, 2, 3), (4, 5, 6)
     reports["command_valid"][1], reports["command"][1] = 1, 0.5
+    reports["resets"][1], reports["jump"][1] = 2, (7, 8, 9)
     rows = ReportRows(assembly.layout)
     raw = rows.open(reports)
     assert list(rows.heads(raw)) == [(1, 0, 0, 0, 3, 5, 0), (2, -1, 0, 0, 1, 6, 0)]
-    assert rows.state(raw, 1) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+    assert rows.state(raw, 1) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 2, (7.0, 8.0, 9.0))
     assert rows.command(raw, 1) == (True, (0.5,))
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.engine.step.finish import judge_health, steer
+from fusiond.engine.step.finish import describe_resets, judge_health, steer
 from fusiond.engine.step.sizes import CONTROLS
 
 
@@ -21,6 +21,7 @@ def describe_state(track: Any, report: Any) -> bool:
 def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None:
     """Complete the report of one reading or tick."""
     finite = describe_state(track, report)
+    describe_resets(track, report)
     judge_health(track, design, now_ns, finite, report)
     if CONTROLS > 0 and track.started:
         steer(desk, design, now_ns, report)

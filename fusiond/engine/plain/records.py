@@ -23,6 +23,7 @@ def plain_track_dtype(shape: Shape) -> np.dtype[Any]:
     n, f, s, m, ni = shape.states, shape.filters, shape.sensors, shape.payload, shape.inputs
     return record(
         ("started", "<i8"), ("t_ns", "<i8"), ("start_ns", "<i8"), ("update_ns", "<i8"), ("resets", "<i8"),
+        ("jump", "<f8", (n,)),
         ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, n)), ("P", "<f8", (f, n, n)),
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),

@@ -36,6 +36,14 @@ def describe_state(track: Any, report: Any) -> bool:
 
 
 @kernel
+def describe_resets(track: Any, report: Any) -> None:
+    """Write resets and jump."""
+    report.resets = track.resets
+    for i in range(ERRORS):
+        report.jump[i] = track.jump[i]
+
+
+@kernel
 def judge_health(track: Any, design: Any, now_ns: int, finite: bool, report: Any) -> None:
     """Write report.health of every sensor and report.service, by the age of their data at now_ns."""
     silent = False
@@ -75,6 +83,7 @@ def steer(desk: Any, design: Any, now_ns: int, report: Any) -> None:
 def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None:
     """Complete the report of one reading or tick."""
     finite = describe_state(track, report)
+    describe_resets(track, report)
     judge_health(track, design, now_ns, finite, report)
     if CONTROLS > 0 and track.started:
         steer(desk, design, now_ns, report)

@@ -1,4 +1,4 @@
-"""Add an error to a state that is a vector, angles kept on the circle."""
+"""Errors of a state that is a vector, angles kept on the circle."""
 
 from __future__ import annotations
 
@@ -17,3 +17,12 @@ def inject(x: Any, dx: Any, design: Any) -> None:
         x[i] += dx[i]
         if design.angle[i]:
             x[i] = wrap_angle(x[i])
+
+
+@kernel
+def between(x: Any, y: Any, dx: Any, design: Any) -> None:
+    """Write dx with x + dx = y."""
+    for i in range(STATES):
+        dx[i] = y[i] - x[i]
+        if design.angle[i]:
+            dx[i] = wrap_angle(dx[i])

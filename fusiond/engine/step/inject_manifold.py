@@ -1,4 +1,4 @@
-"""Add an error to a state that is no vector, as its model says. `assembly` copies this file over `inject.py`."""
+"""Errors of a state that is no vector, as its model says. `assembly` copies this file over `inject.py`."""
 
 from __future__ import annotations
 
@@ -6,10 +6,16 @@ from typing import Any
 
 from fusiond.numerics.kernel import kernel
 
-from .process import add_error
+from .process import add_error, error_between
 
 
 @kernel
 def inject(x: Any, dx: Any, design: Any) -> None:
     """x <- x [+] dx, in place."""
     add_error(x, dx, design.p)
+
+
+@kernel
+def between(x: Any, y: Any, dx: Any, design: Any) -> None:
+    """Write dx with x [+] dx = y."""
+    error_between(x, y, design.p, dx)

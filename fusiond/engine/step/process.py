@@ -18,3 +18,9 @@ def discretise(dt_s: float, p: Vector, F: Matrix, B: Matrix, c: Vector, G: Matri
 def add_error(x: Vector, dx: Vector, p: Vector) -> None:
     """x <- x + dx, in place; only models whose state is no vector need this."""
     x[0] += dx[0]
+
+
+@kernel
+def error_between(x: Vector, y: Vector, p: Vector, dx: Vector) -> None:
+    """Write dx with x + dx = y; only models whose state is no vector need this."""
+    dx[0] = y[0] - x[0]

@@ -197,7 +197,7 @@ def run(
                 predict(spare_tracks[0], design[0], work, CENTRAL, reading.t_ns)
             finish(spare_tracks[0], desk, design[0], reading.t_ns, report)
         elif reading.sensor == RESET:
-            report.action = restart(tracks[0], desk, marks)
+            report.action = restart(tracks[0], desk, design[0], marks)
             finish(tracks[0], desk, design[0], reading.t_ns, report)
         else:
             take(tracks, desk, design[0], work, spare_reports[0], ring, snapshots, marks, reading, report)

@@ -17,6 +17,8 @@ from fusiond.engine.records import HAS_ARRIVAL
 from fusiond.numerics.kernel import kernel
 from fusiond.types import NANOSECONDS, Action, Verdict
 
+from .apply import start
+from .inject import between
 from .sizes import FILTERS, SENSORS, SNAPSHOT_EVERY
 
 USED = int(Verdict.USED)
@@ -74,11 +76,18 @@ def forget_readings(desk: Any, marks: Any) -> None:
 
 
 @kernel
-def restart(track: Any, desk: Any, marks: Any) -> int:
-    """Set the state to its initial value, from the next reading on; returns the action taken."""
+def restart(track: Any, desk: Any, design: Any, marks: Any) -> int:
+    """Set the state to its initial value, where it stays until the next reading; returns the action taken.
+
+    Counts it in track.resets and writes track.jump, which leads from the last estimate (at its own time) to the new.
+    """
     forget_readings(desk, marks)
-    track.started = 0
     track.resets += 1
+    track.jump[:] = 0.0
+    if track.started:
+        between(track.x[0], design.x0, track.jump, design)
+    start(track, design, track.t_ns)
+    track.started = 0
     return RESET
 
 
@@ -101,7 +110,7 @@ def follow_jump(track: Any, desk: Any, design: Any, marks: Any, reading: Any) ->
         forget_readings(desk, marks)
         action = NONE
     else:
-        action = restart(track, desk, marks)
+        action = restart(track, desk, design, marks)
     desk.command_due_ns = reading.t_ns
     desk.newest_t_ns = reading.t_ns
     return action
