@@ -149,6 +149,13 @@ class ServiceSection(Section):
 
     mode: Literal["peer", "client", "router"] = "peer"
     """Its part in the Zenoh network; a client needs something to connect to."""
+    role: Literal["alone", "node", "center"] = "alone"
+    """alone: hears every sensor itself. node: filters the sensors of one of `nodes` beside them and sends on what it
+    learns. center: hears the sensors of all `nodes` through them, the others itself. `fusiond run --as` says it too."""
+    nodes: dict[Name, list[Name]] = {}
+    """Machines that filter sensors beside them: for each its updating sensors. One file serves all of them."""
+    node: Name | None = None
+    """Which of `nodes` this is, with role = "node"."""
     listen: list[str] = ["tcp/127.0.0.1:7447"]
     """Endpoints where sensors and asking commands connect; port 0 picks a free one."""
     connect: list[str] = []

@@ -30,6 +30,9 @@ Listen = Annotated[
     list[str] | None, typer.Option("--listen", help="Endpoint to listen on; port 0 picks one.")
 ]
 Seed = Annotated[int, typer.Option(help="Of everything random.")]
+Part = Annotated[
+    str | None, typer.Option("--as", help="Run one machine's part: a node of service.nodes, or center.")
+]
 RunPath = Annotated[Path, typer.Argument(help="MCAP recording with reports.", show_default=False)]
 Endpoint = Annotated[str, typer.Option("--connect", help="Endpoint of the daemon.")]
 
@@ -73,12 +76,13 @@ def run(
     connect: Connect = None,
     listen: Listen = None,
     record: Annotated[Path | None, typer.Option(help="Record everything that is decided.")] = None,
+    part: Part = None,
 ) -> None:
     """Run the daemon until SIGTERM; prints `ready ENDPOINT...` when it takes readings."""
-    from fusiond.assembly.assembly import load
+    from fusiond.service.roles import load
     from fusiond.service.serve import serve
 
-    assembly = load(config)
+    assembly = load(config, part)
     raise typer.Exit(
         serve(
             assembly,
@@ -92,13 +96,13 @@ def run(
 
 
 @app.command()
-def check(config: ConfigPath, as_json: Json = False) -> None:
+def check(config: ConfigPath, as_json: Json = False, part: Part = None) -> None:
     """Validate a configuration and print what is derived from it."""
-    from fusiond.assembly.assembly import load
     from fusiond.assembly.summary import summary
     from fusiond.cli.views import show_check
+    from fusiond.service.roles import load
 
-    result = summary(load(config))
+    result = summary(load(config, part))
     if as_json:
         _emit(result)
     else:
@@ -112,14 +116,15 @@ def replay(
     truth: Annotated[Path | None, typer.Option(help="CSV to compare with: t_s and names of states.")] = None,
     out: Annotated[Path | None, typer.Option(help="Write the run here, MCAP.")] = None,
     as_json: Json = False,
+    part: Part = None,
 ) -> None:
     """Run a recording through the same engine, as fast as it goes, bit for bit repeatable."""
-    from fusiond.assembly.assembly import load
     from fusiond.cli.replaying import replay_log
     from fusiond.cli.views import show_replay
+    from fusiond.service.roles import load
 
     result = replay_log(
-        load(config), log, truth=truth, out=out, config_text=config.read_text(encoding="utf-8")
+        load(config, part), log, truth=truth, out=out, config_text=config.read_text(encoding="utf-8")
     )
     if as_json:
         _emit(result)
@@ -136,14 +141,15 @@ def record(
     connect: Connect = None,
     listen: Listen = None,
     for_s: Annotated[float | None, typer.Option("--for", help="Seconds; until SIGTERM without it.")] = None,
+    part: Part = None,
 ) -> None:
     """Listen to a configuration's sensors and record them, without a daemon."""
-    from fusiond.assembly.assembly import load
     from fusiond.service.record import listen_and_record
+    from fusiond.service.roles import load
 
     raise typer.Exit(
         listen_and_record(
-            load(config),
+            load(config, part),
             out,
             listen=listen or (),
             connect=connect or (),

@@ -19,12 +19,14 @@ from fusiond.service.health_watch import HealthWatch, Transition
 from fusiond.service.intake import Intake
 from fusiond.service.local_outputs import LocalOutputs
 from fusiond.service.mailbox import Arrival, Mailbox
+from fusiond.service.node_watch import NodeWatch
 from fusiond.service.notify import Notifier
 from fusiond.service.outputs import Outputs
 from fusiond.service.sessions import Sessions, open_sessions
 from fusiond.service.settings import Settings, settings_of
 from fusiond.service.status import configuration, status
 from fusiond.service.telemetry import Voice
+from fusiond.service.tracklet_outputs import tracklet_outputs
 from fusiond.service.wire import Decoder, take
 from fusiond.types import RESET, TICK, Health, ServiceHealth, seconds
 
@@ -105,6 +107,7 @@ class Daemon:
         self.epoch = self.started_ns // 1_000_000
         self._complained: dict[str, int] = {}
         self._decoder, self._counters, self._watch = Decoder(layout), Counters(layout), HealthWatch(layout)
+        self._nodes = NodeWatch(layout, settings.nodes)
         self._event = np.zeros(1, layout.reading)
         self._event["flags"] = HAS_ARRIVAL
         self._tick_period_ns = round(1e9 / settings.tick_hz)
@@ -163,6 +166,7 @@ class Daemon:
         self._locals = LocalOutputs(
             self.sessions.control, self.engine, settings.prefix, epoch=self.epoch, publish_hz=settings.publish_hz,
         )  # fmt: skip
+        self._tracklets = tracklet_outputs(self.sessions.control, self.assembly, settings.sends, self.epoch)
         answers = {"status": self._status, "config": self._config, "command/reset": self._reset}
         self._admin = Admin(self.sessions.admin, settings.prefix, answers, self._wake)
         self._threads_end.append(self._admin.close)
@@ -193,11 +197,14 @@ class Daemon:
     def _process(self, readings: NDArray[Any]) -> NDArray[Any]:
         reports: NDArray[Any] = self.engine.process(readings)
         self._outputs.publish(reports)
+        self._tracklets.publish(readings, reports)
         self._locals.publish(reports)
         for change in self._watch.observe(reports):
             self._outputs.transition(change)
             self._tell(change)
             self._housekeeping_due_ns = 0
+        for text in self._nodes.observe(self._watch.sensors):
+            self.voice.info(text, t_s=int(reports["t_ns"][-1]) / 1e9)
         if self._recorder is not None:
             self._recorder.put_readings(readings)
             self._recorder.put_reports(reports)
@@ -252,7 +259,7 @@ class Daemon:
             self._complained[kind] = count
 
     def _tell(self, change: Transition) -> None:
-        subject = change.sensor or "service"
+        subject = self._nodes.subject(change.sensor) if change.sensor else "service"
         text = f"{subject}: {change.before} -> {change.after}"
         if change.sensor is None:
             text += WHY.get(change.after, "")
@@ -275,7 +282,7 @@ class Daemon:
             parity=self._locals.status(),
             state_sha256=self.engine.state_sha256(),
             recorder=self._recorder,
-        )  # fmt: skip
+        ) | {"role": self.settings.role, "nodes": self._nodes.status()}  # fmt: skip
 
     def _config(self, _: Mapping[str, Any]) -> dict[str, Any]:
         return configuration(self.assembly.config, self.assembly.layout)

@@ -8,8 +8,11 @@ from typing import Any
 
 import zenoh
 
+from fusiond.config import RESERVED
 from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
+from fusiond.service.roles import CENTER, outer_prefix
+from fusiond.types import Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +21,8 @@ class Settings:
 
     Args:
         prefix: namespace of every key.      keys: key expression of every sensor, by name.
+        role: `alone`, `node` or `center`.      nodes: of a center, the sensors of each.
+        sends: of a node, the key on which each of its updating sensors' tracklets go out, by name.
     """
 
     prefix: str
@@ -31,6 +36,9 @@ class Settings:
     tick_hz: float
     record_hz: float
     keys: dict[str, str]
+    role: str
+    nodes: dict[str, list[str]]
+    sends: dict[str, str]
 
 
 def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Sequence[str]) -> Settings:
@@ -51,7 +59,17 @@ def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Seq
             sensor.name: checked(config.key_of(sensor.name), f"sensor.{sensor.name}.key")
             for sensor in layout.sensors
         },
+        role=service.role,
+        nodes=service.nodes if service.role == CENTER else {},
+        sends=_sends(config, layout) if service.role == "node" else {},
     )
+
+
+def _sends(config: Any, layout: Layout) -> dict[str, str]:
+    """Where a node sends: to the keys a daemon alone would listen to."""
+    outer = outer_prefix(config)
+    updating = [sensor.name for sensor in layout.sensors if sensor.role is Role.UPDATE]
+    return {name: f"{outer}/{name}" if name in RESERVED else f"{outer}/sensor/{name}" for name in updating}
 
 
 def checked(key: str, subject: str) -> str:

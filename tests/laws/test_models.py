@@ -64,6 +64,16 @@ OBSERVED = {
     "linear": (MASS, {"H": [[1.0, 2.0, 3.0], [0.0, -1.0, 0.5]]}, [0.0, 0.0]),
     "radar": (POINT, {"x_m": 0.4, "y_m": -2.0}, [0.0, 0.0, 0.0]),
     "radar.polar": (ROBOT, {}, [0.0, 0.0, 0.0]),
+    "tracklet": (
+        ROBOT,
+        {"channels": ["z"], "reads": ["yaw", "speed"], "H": [[0.5, 3.0]]},
+        [0.2, 0.3, 2.0, -1.0, 2.5, 1.0],
+    ),
+    "tracklet.typical": (
+        ROBOT,
+        {"channels": ["z"], "reads": ["yaw", "speed"], "H": [[0.5, 3.0]]},
+        [0.2, *[math.nan] * 5],
+    ),
     "wheel_speed": (ROBOT, {"scale": 1.07}, [0.0]),
     "yaw_rate": (ROBOT, {}, [0.0]),
     "yaw_rate.unbiased": (
