@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,16 +16,22 @@ from fusiond.recording.importing import import_recording
 from fusiond.recording.log import open_log
 from fusiond.recording.replay import replay
 from fusiond.recording.summary import Summary
-from fusiond.recording.truth import Truth, read_truth
-from fusiond.types import NANOSECONDS, Verdict
+from fusiond.recording.truth import Truth, read_truth, wrapped
+from fusiond.types import NANOSECONDS, Role, Verdict
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 SOURCES = {
     "jackal": "test2.bag",
     "dresden_car": "2014-03-26-000-Data.csv",
     "udacity_laser_radar": "obj_pose-laser-radar-synthetic-ekf-input.txt",
+    "jackal_3d": "test2.bag",
+    "px4_iris": "iris_gps_input.csv",
+    "plaza2": "Plaza2_.mat",
+    "comma2k19": ".",
 }
-"""The file of each recording that is imported, in the recording's own folder."""
+"""What is imported with configs/import/NAME.toml, in the recording's own folder."""
+FOLDERS = {"jackal_3d": "jackal", "plaza2": "plaza2_uwb_mower"}
+"""The recording's folder where it is not called NAME."""
 Records = NDArray[Any]
 Floats = NDArray[np.float64]
 
@@ -34,7 +40,7 @@ def import_from(folder: Path, name: str, into: Path) -> Path:
     """Import a recording with its mapping file; its truth, where there is one, comes to lie beside the log.
 
     Args:
-        folder: the recording's own.   name: of the recording, a key of SOURCES.   into: folder for the log.
+        folder: the recording's own.   name: of the mapping, a key of SOURCES.   into: folder for the log.
     """
     log = into / f"{name}.mcap"
     import_recording(folder / SOURCES[name], CONFIGS / "import" / f"{name}.toml", log)
@@ -92,6 +98,39 @@ class Recorded:
 def recorded(config: str, log: Path) -> Recorded:
     """A log with configs/CONFIG.toml."""
     return Recorded(load(CONFIGS / f"{config}.toml"), log)
+
+
+def errors(
+    run: Recorded, reports: Records, names: Sequence[str], after_s: float = 0.0
+) -> tuple[Floats, Floats]:
+    """Estimate minus truth after each reading that conditioned the state, angles on the circle.
+
+    Truth is interpolated to the time of the state, as `fusiond replay --truth` does.
+
+    Args:
+        reports: of the run, or of the same recording with readings left out or another configuration.
+        names: of states that the truth has, k of them.   after_s: since the first reading.
+    Returns:
+        (rows,) time since the first reading, s; (rows, k) in the units of the states.
+    """
+    truth, layout = run.truth, run.assembly.layout
+    assert truth is not None
+    updating = [sensor.number for sensor in layout.sensors if sensor.role is Role.UPDATE]
+    kept = reports[np.isin(reports["sensor"], updating) & (reports["verdict"] == Verdict.USED)]
+    true, covered = truth.at(kept["state_t_ns"])
+    t_s = (kept["state_t_ns"] - run.readings["t_ns"].min()) / NANOSECONDS
+    rows = covered & (t_s >= after_s)
+    states = [slot.name for slot in layout.states]
+    apart = kept["x"][:, [states.index(name) for name in names]]
+    apart = (apart - true[:, [truth.names.index(name) for name in names]])[rows]
+    circular = [name == "yaw" for name in names]
+    apart[:, circular] = wrapped(apart[:, circular])
+    return np.asarray(t_s[rows]), np.asarray(apart)
+
+
+def rms_length(apart: Floats) -> float:
+    """Root of the mean square of the length of each row."""
+    return float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
 
 
 def fix_residuals_m(run: Recorded, sensor: str = "gps") -> Floats:
