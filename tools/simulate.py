@@ -3,6 +3,7 @@
     python -m tools.simulate minicar --seed 0 --for 30 --out log.csv --truth truth.csv
     python -m tools.simulate planar --set motion=smooth --set 'aboard=["gps","gyro"]' --jitter gps=0.1 --out
     log.csv
+    python -m tools.simulate minicar --inject ultrasonic.bias=0.5@10+5 --out log.csv
 
 Exit 0 done, 1 a file cannot be written, 2 the operator's mistake.
 """
@@ -58,6 +59,13 @@ def parser() -> argparse.ArgumentParser:
         metavar="OPTION=VALUE",
         help="an option of the system; the value is JSON or plain text",
     )
+    command.add_argument(
+        "--inject",
+        action="append",
+        default=[],
+        metavar="SPEC",
+        help="a fault: SENSOR[.CHANNEL].KIND[=SIZE]@START[+DURATION]",
+    )
     command.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     return command
 
@@ -74,9 +82,9 @@ def pairs(texts: Sequence[str], flag: str) -> dict[str, object]:
 def options_of(texts: Sequence[str]) -> dict[str, object]:
     """The system's own options; raises ConfigError for what has a flag of its own."""
     options = pairs(texts, "--set")
-    for name in sorted(options.keys() & {"name", "seed", "duration_s", "delay_s", "jitter_s"}):
+    for name in sorted(options.keys() & {"name", "seed", "duration_s", "delay_s", "jitter_s", "inject"}):
         raise ConfigError(
-            f"--set {name}: not an option of a system; use NAME, --seed, --for, --delay or --jitter"
+            f"--set {name}: not an option of a system; use NAME, --seed, --for, --delay, --jitter or --inject"
         )
     return options
 
@@ -107,6 +115,7 @@ def write(arguments: argparse.Namespace) -> dict[str, object]:
         arguments.duration_s,
         delay_s=seconds(arguments.delay, "--delay"),
         jitter_s=seconds(arguments.jitter, "--jitter"),
+        inject=arguments.inject,
         **options_of(arguments.options),
     )
     write_log(arguments.out, run)

@@ -252,7 +252,8 @@ def check_fault(fault: Fault, sensor: Measured) -> None:
     """Whether a fault fits its sensor. Raises: ConfigError."""
     count, channel = sensor.channels, fault.channel
     if count is not None and channel is not None and channel >= count:
-        named = ", ".join(f"{k} {name}" for k, name in enumerate(sensor.names)) or f"0 to {count - 1}"
+        numbers = sensor.names or ("",) * count
+        named = ", ".join(f"{k} {name}".strip() for k, name in enumerate(numbers))
         raise ConfigError(f"inject {fault}: no channel {channel}; {sensor.name} has {named}")
     if fault.kind is not Kind.NOISE or fault.harmless:
         return

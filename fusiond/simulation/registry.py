@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fusiond.errors import ConfigError
 from fusiond.simulation import systems
 from fusiond.simulation.arrivals import PerSensor, arrive
+from fusiond.simulation.faults import parse_faults
+from fusiond.simulation.faults_injection import Injection
 from fusiond.simulation.options import number
 from fusiond.simulation.tables import Reading, Simulation, Truth
 from fusiond.types import nanoseconds
@@ -17,7 +19,7 @@ from fusiond.types import nanoseconds
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """build(seed, duration_ns, **options) -> readings in any order and the truth; and its usual length."""
+    """build(seed, duration_ns, lies, **options) -> readings in any order and the truth; and its usual length."""
 
     build: Callable[..., tuple[list[Reading], Truth]]
     usual_duration_s: float
@@ -46,6 +48,7 @@ def simulate(
     *,
     delay_s: PerSensor = 0.0,
     jitter_s: PerSensor = 0.0,
+    inject: Sequence[str] = (),
     **options: object,
 ) -> Simulation:
     """Run one system.
@@ -54,9 +57,10 @@ def simulate(
         name: a key of SYSTEMS.   seed: of everything random, >= 0.
         duration_s: > 0, default the system's usual one.
         delay_s, jitter_s: how late readings arrive (`arrivals.arrive`), one number or one per sensor.
+        inject: faults of its sensors, as specifications (`faults`).
         options: the system's own (`systems`).
     Raises:
-        ConfigError: an unknown system or option, or a number out of its range.
+        ConfigError: an unknown system, option or fault, or a number out of its range.
     """
     if name not in SYSTEMS:
         raise ConfigError(f"simulate: no system {name!r}; choose one of {', '.join(SYSTEMS)}")
@@ -69,7 +73,10 @@ def simulate(
         )
     length_s = system.usual_duration_s if duration_s is None else duration_s
     _check(name, seed, length_s, delay_s, jitter_s)
-    readings, truth = system.build(seed, nanoseconds(length_s), **options)
+    faults = parse_faults(inject)
+    readings, truth = system.build(
+        seed, nanoseconds(length_s), lambda sensors: Injection(faults, sensors, seed), **options
+    )
     _check_sensors(name, readings, delay_s, jitter_s)
     arrived, arrivals_ns = arrive(readings, seed, delay_s, jitter_s)
     return Simulation(name, seed, arrived, arrivals_ns, truth)

@@ -13,6 +13,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from fusiond.simulation.faults_injection import Measured
 from fusiond.simulation.planar import PlanarState
 from fusiond.simulation.plants import PointState
 from fusiond.simulation.streams import stream
@@ -34,6 +35,7 @@ class Sensor(Generic[State]):
 
     law: the truth and the count of readings so far -> the exact values.   noise_std: per channel, 0 = exact.
     bias: a constant of the run, per channel.   angle_channels: wrapped after the noise.
+    index_channels: how many of the last ones are no measurements but say of what, a beacon's number.
     """
 
     name: str
@@ -43,12 +45,20 @@ class Sensor(Generic[State]):
     seed: int
     bias: tuple[float, ...] = ()
     angle_channels: tuple[int, ...] = ()
+    index_channels: int = 0
     count: int = 0
     rng: np.random.Generator = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.rng = stream(self.seed, f"sensor/{self.name}")
         self.bias = self.bias or (0.0,) * len(self.noise_std)
+
+    @property
+    def measured(self) -> Measured:
+        """What whoever lets it lie must know."""
+        count = len(self.noise_std)
+        dof = count - self.index_channels
+        return Measured(self.name, count, dof, self.noise_std[:dof], frozenset(self.angle_channels))
 
     def is_due(self, t_ns: int) -> bool:
         """Whether a reading is stamped t_ns: at every multiple of the period."""
@@ -149,7 +159,7 @@ def beacon(
         x_m, y_m = beacons_m[index]
         return math.hypot(state.x_m - x_m, state.y_m - y_m), float(index)
 
-    return Sensor("beacon", 100_000_000, (noise_std_m, 0.0), law, seed)
+    return Sensor("beacon", 100_000_000, (noise_std_m, 0.0), law, seed, index_channels=1)
 
 
 def radar(seed: int, noise_std: tuple[float, float, float] = (0.3, 0.03, 0.3)) -> Sensor[PlanarState]:

@@ -1,5 +1,7 @@
 """How each named system becomes readings and truth. Keyword-only parameters are the options of `simulate`.
 
+`lies` makes the faults of its sensors, once it has said which it has; by default they are honest.
+
 Which interval a reading that is an input describes: `accelerometer` and `speed` the one that ends at its
 stamp, `applied` the one that begins there.
 """
@@ -11,6 +13,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from fusiond.simulation import closed_loop, options, rig, sensors
+from fusiond.simulation.arrivals import stamp_order
+from fusiond.simulation.faults_injection import Injection, Measured
 from fusiond.simulation.linear_plants import ConstantVelocityPlant, ReferencePlant
 from fusiond.simulation.planar import PlanarState, PlanarVehicle
 from fusiond.simulation.plants import PointState, wall_robot_position
@@ -19,6 +23,7 @@ from fusiond.simulation.tables import Floats, Reading, Times, Truth, stamps
 from fusiond.types import NANOSECONDS
 
 Made = tuple[list[Reading], Truth]
+Lies = Callable[[Sequence[Measured]], Injection]
 Feedbacks = dict[str, Callable[[PointState], closed_loop.Feedback]]
 FEEDBACKS: Feedbacks = {
     "ideal": lambda start: closed_loop.ideal(),
@@ -27,42 +32,60 @@ FEEDBACKS: Feedbacks = {
 }
 
 
+def honest(measured: Sequence[Measured]) -> Injection:
+    """No faults."""
+    return Injection((), measured)
+
+
 def minicar(
-    seed: int, duration_ns: int, *, feedback: str = "ideal", goal_m: float = 2.0, inputs: bool = False
+    seed: int,
+    duration_ns: int,
+    lies: Lies = honest,
+    *,
+    feedback: str = "ideal",
+    goal_m: float = 2.0,
+    inputs: bool = False,
 ) -> Made:
     """Seed 000, example 1.
 
     feedback: ideal (the true state, so that the log owes nothing to a filter), accelerometer or ultrasonic.
     inputs: add `applied` rows (the force, N, held from the stamp on) and one `reference` row (the goal, m).
     """
-    return _point(rig.minicar(seed), duration_ns, feedback, goal_m, inputs)
+    return _point(rig.minicar(seed), duration_ns, lies, feedback, goal_m, inputs)
 
 
 def birotor(
-    seed: int, duration_ns: int, *, feedback: str = "ideal", goal_m: float = 0.75, inputs: bool = False
+    seed: int,
+    duration_ns: int,
+    lies: Lies = honest,
+    *,
+    feedback: str = "ideal",
+    goal_m: float = 0.75,
+    inputs: bool = False,
 ) -> Made:
     """Seed 000, example 2; options as for the mini car. Its accelerometer measures z'' + bias (`sensors`)."""
-    return _point(rig.birotor(seed), duration_ns, feedback, goal_m, inputs)
+    return _point(rig.birotor(seed), duration_ns, lies, feedback, goal_m, inputs)
 
 
-def _point(plant_rig: rig.PointRig, duration_ns: int, feedback: str, goal_m: float, inputs: bool) -> Made:
+def _point(
+    plant_rig: rig.PointRig, duration_ns: int, lies: Lies, feedback: str, goal_m: float, inputs: bool
+) -> Made:
+    plant_rig.faults = lies(plant_rig.measured)
     source = FEEDBACKS[options.choice("feedback", feedback, tuple(FEEDBACKS))](plant_rig.plant.start)
     law = closed_loop.PdLaw(options.number("goal_m", goal_m), plant_rig.plant.weight_n)
     loop = closed_loop.run(plant_rig, law, source, duration_ns)
     readings = list(loop.readings)
     if options.flag("inputs", inputs):
-        readings.append(Reading(0, "reference", (law.goal_m,)))
-        readings.extend(
-            Reading(t, "applied", (u,))
-            for t, u in zip(loop.t_ns.tolist(), loop.force_n.tolist(), strict=True)
-        )
+        readings.extend(plant_rig.tell([Reading(0, "reference", (law.goal_m,))]))
+        forces = zip(loop.t_ns.tolist(), loop.force_n.tolist(), strict=True)
+        readings.extend(plant_rig.tell([Reading(t, "applied", (u,)) for t, u in forces]))
     bias = np.full(loop.t_ns.size, plant_rig.acceleration_bias_m_s2)
     names = ("position", "velocity", "acceleration_bias", "acceleration", "force")
     columns = (loop.states[:, 0], loop.states[:, 1], bias, loop.states[:, 2], loop.force_n)
     return readings, Truth(loop.t_ns, names, np.column_stack(columns))
 
 
-def wall_robot(seed: int, duration_ns: int) -> Made:
+def wall_robot(seed: int, duration_ns: int, lies: Lies = honest) -> Made:
     """Seed 001: x = 0.05 t cos 2t every 0.1 s.
 
     `speed` is the mean velocity over the 0.1 s that end at its stamp, 0 at t = 0, plus noise; the truth's
@@ -79,10 +102,12 @@ def wall_robot(seed: int, duration_ns: int) -> Made:
         for t, (x, v) in zip(t_ns.tolist(), truth.values.tolist(), strict=True)
         for sensor in aboard
     ]
-    return readings, truth
+    return _sent(readings, lies([sensor.measured for sensor in aboard])), truth
 
 
-def reference_plant(seed: int, duration_ns: int, *, Q: float = 2.3, R: Sequence[float] = (1.0, 1.0)) -> Made:
+def reference_plant(
+    seed: int, duration_ns: int, lies: Lies = honest, *, Q: float = 2.3, R: Sequence[float] = (1.0, 1.0)
+) -> Made:
     """One step a second (`linear_plants`). Sensors y1, y2, ... all see C x, with variances R.
 
     `applied` at t = k carries u(k), which acts from k to k + 1. The start is drawn from N(0, B Q B').
@@ -94,12 +119,14 @@ def reference_plant(seed: int, duration_ns: int, *, Q: float = 2.3, R: Sequence[
     forced = plant.input(steps).tolist()
     readings = [Reading(step * NANOSECONDS, "applied", (u,)) for step, u in enumerate(forced)]
     readings.extend(_outputs(seed, t_ns, output, R))
-    return readings, Truth(t_ns, ("x1", "x2", "x3"), states)
+    injection = lies((Measured("applied", 1, sigma=(0.0,)), *_outputs_measured(R)))
+    return _sent(readings, injection), Truth(t_ns, ("x1", "x2", "x3"), states)
 
 
 def constant_velocity(
     seed: int,
     duration_ns: int,
+    lies: Lies = honest,
     *,
     q: float = 1.0,
     R: Sequence[float] = (0.01,),
@@ -113,12 +140,14 @@ def constant_velocity(
         options.number("q", q, 0.0), period_ns / NANOSECONDS, (0.0, 0.0), (position_std, velocity_std)
     )
     states = plant.trajectory(t_ns.size - 1, stream(seed, "plant"))
-    return _outputs(seed, t_ns, states[:, 0], R), Truth(t_ns, ("position", "velocity"), states)
+    readings = _sent(_outputs(seed, t_ns, states[:, 0], R), lies(_outputs_measured(R)))
+    return readings, Truth(t_ns, ("position", "velocity"), states)
 
 
 def planar(
     seed: int,
     duration_ns: int,
+    lies: Lies = honest,
     *,
     motion: str = "white_acceleration",
     aboard: Sequence[str] = tuple(sensors.PLANAR_SENSORS),
@@ -134,16 +163,18 @@ def planar(
     )
     t_ns, states = vehicle.trajectory(duration_ns, stream(seed, "plant"))
     readings: list[Reading] = []
-    for name in options.words("aboard", aboard, tuple(sensors.PLANAR_SENSORS)):
-        sensor = sensors.PLANAR_SENSORS[name](seed)
+    names = options.words("aboard", aboard, tuple(sensors.PLANAR_SENSORS))
+    on_board = [sensors.PLANAR_SENSORS[name](seed) for name in names]
+    for sensor in on_board:
         rows = states[:: sensor.period_ns // vehicle.step_ns].tolist()
         readings.extend(sensor.read(n * sensor.period_ns, PlanarState(*row)) for n, row in enumerate(rows))
     step_s = vehicle.step_ns / NANOSECONDS
     every = round(options.number("truth_period_s", truth_period_s, step_s) / step_s)
     yaw, speed = states[:, 2], states[:, 3]
-    names = ("x", "y", "yaw", "speed", "yaw_rate", "gyro_bias", "vx", "vy")
     columns = np.column_stack((states, speed * np.cos(yaw), speed * np.sin(yaw)))
-    return readings, Truth(t_ns[::every], names, columns[::every])
+    truth_names = ("x", "y", "yaw", "speed", "yaw_rate", "gyro_bias", "vx", "vy")
+    sent = _sent(readings, lies([sensor.measured for sensor in on_board]))
+    return sent, Truth(t_ns[::every], truth_names, columns[::every])
 
 
 def _outputs(seed: int, t_ns: Times, exact: Floats, variances: Sequence[float]) -> list[Reading]:
@@ -156,3 +187,14 @@ def _outputs(seed: int, t_ns: Times, exact: Floats, variances: Sequence[float]) 
             for t, z in zip(t_ns.tolist(), (exact + noise).tolist(), strict=True)
         )
     return readings
+
+
+def _outputs_measured(variances: Sequence[float]) -> list[Measured]:
+    """What there is to know of those sensors."""
+    known = enumerate(options.numbers("R", variances), start=1)
+    return [Measured(f"y{index}", 1, sigma=(float(np.sqrt(variance)),)) for index, variance in known]
+
+
+def _sent(readings: list[Reading], injection: Injection) -> list[Reading]:
+    """What the sensors send, in the order in which they measure."""
+    return injection.tell(sorted(readings, key=stamp_order)) if injection.faults else readings
