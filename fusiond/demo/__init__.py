@@ -17,7 +17,7 @@ def run_demo(
     Args:
         name: of the plant and of its configuration.      duration_s: of the plant's time.
         json_output: print the outcome as one JSON object and nothing else.
-        seed: of the sensors' noise.      inject: fault specifications; this version takes none.
+        seed: of the sensors' noise.      inject: faults of its sensors (`fusiond.simulation.faults`).
     Returns: the exit status: 0 where every part of the verdict holds, otherwise 1.
     Raises: ConfigError.
     """

@@ -20,7 +20,7 @@ from rich.console import Console
 
 from fusiond.assembly.assembly import Assembly, load
 from fusiond.demo.displays import Display, Silence, display_for
-from fusiond.demo.plants import config_of, rig_of
+from fusiond.demo.plants import config_of, lying_rig
 from fusiond.demo.processes import Process, ProcessFailed, wait_until
 from fusiond.demo.scene import Scene, Setting
 from fusiond.demo.verdict import (
@@ -29,6 +29,7 @@ from fusiond.demo.verdict import (
     goal_check,
     loss_check,
     replay_check,
+    without_promise,
     without_trailing_ticks,
 )
 from fusiond.errors import ConfigError, FusiondError
@@ -37,6 +38,7 @@ from fusiond.recording.replay import replay
 from fusiond.recording.summary import Summary
 from fusiond.recording.truth import read_truth
 from fusiond.service.client import EstimateSubscriber, TopicSubscriber, ask
+from fusiond.simulation.faults import Fault, parse_faults
 from fusiond.simulation.rig import STEP_NS
 from fusiond.types import NANOSECONDS, nanoseconds
 
@@ -62,21 +64,26 @@ class Outcome:
     verdict: Verdict
     end: dict[str, Any]
     pids: Mapping[str, int]
+    injected: tuple[str, ...] = ()
 
     def json_object(self) -> dict[str, Any]:
         """The object of `replay --json`, with the verdict and the plant's own account."""
         plant = {name: value for name, value in self.end.items() if name != "end"}
-        others = {"plant": plant, "pids": dict(self.pids), "verdict": self.verdict.json_object()}
+        others: dict[str, Any] = {
+            "plant": plant,
+            "pids": dict(self.pids),
+            "verdict": self.verdict.json_object(),
+        }
+        if self.injected:
+            others["injected"] = list(self.injected)
         return self.summary.json_object() | others
 
 
 def demonstrate(name: str, duration_s: float, *, json_output: bool, seed: int, inject: Sequence[str]) -> int:
     """`fusiond demo`; returns the exit status. Raises: ConfigError."""
-    if inject:
-        raise ConfigError(f"demo.inject: {inject[0]}: this version injects no faults yet; leave --inject out")
     display: Display = Silence() if json_output else display_for(Console())
     try:
-        outcome = perform(name, duration_s, seed, display)
+        outcome = perform(name, duration_s, seed, display, inject)
     except ConfigError:
         raise
     except (KeyboardInterrupt, Interrupted):
@@ -91,13 +98,14 @@ def demonstrate(name: str, duration_s: float, *, json_output: bool, seed: int, i
     return 0 if outcome.verdict.ok else 1
 
 
-def perform(name: str, duration_s: float, seed: int, display: Display) -> Outcome:
+def perform(name: str, duration_s: float, seed: int, display: Display, inject: Sequence[str] = ()) -> Outcome:
     """Run it. Raises: ConfigError; FusiondError where a process fails; Interrupted, KeyboardInterrupt."""
     if not SHORTEST_S <= duration_s <= LONGEST_S:
         raise ConfigError(
             f"demo.for: {duration_s:g} s (limits {SHORTEST_S:g} to {LONGEST_S:g} s); choose another --for"
         )
-    rig_of(name, seed)
+    faults = parse_faults(inject)
+    lying_rig(name, seed, inject)
     config = config_of(name)
     assembly = load(config)
     if assembly.config.control is None or "position_m" not in assembly.config.control.reference:
@@ -108,7 +116,7 @@ def perform(name: str, duration_s: float, seed: int, display: Display) -> Outcom
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fusiond-demo-")))
         stack.enter_context(_signals_raise())
         stack.callback(display.close)
-        stage = Stage(assembly, name, duration_s, seed, folder, display, stack)
+        stage = Stage(assembly, name, duration_s, seed, folder, display, stack, faults)
         display.say("demo: starting the daemon (the first time it compiles for some seconds)")
         stage.start(config)
         stage.watch()
@@ -121,11 +129,11 @@ class Stage:
 
     def __init__(
         self, assembly: Assembly, name: str, duration_s: float, seed: int, folder: Path, display: Display,
-        stack: contextlib.ExitStack,
+        stack: contextlib.ExitStack, faults: Sequence[Fault] = (),
     ) -> None:  # fmt: skip
         self._assembly, self._name, self._duration_s, self._seed = assembly, name, duration_s, seed
         self._recording, self._truth = folder / "run.mcap", folder / "truth.csv"
-        self._display, self._stack = display, stack
+        self._display, self._stack, self._faults = display, stack, tuple(faults)
         self._namespace = assembly.config.prefix
 
     def start(self, config: Path) -> None:
@@ -144,19 +152,22 @@ class Stage:
         endpoint = self._endpoint()
         options = ["--seed", str(self._seed), "--for", repr(self._duration_s), "--connect", endpoint]
         files = ["--namespace", self._namespace, "--truth", str(self._truth)]
+        lies = [word for fault in self._faults for word in ("--inject", str(fault))]
         estimates = EstimateSubscriber(self._name, endpoint, namespace=self._namespace)
         self._estimates = self._stack.enter_context(estimates)
         self._control = self._stack.enter_context(
             TopicSubscriber(self._name, "control", namespace=self._namespace, session=estimates.session)
         )
-        self._plant = self._process("plant", ["-m", "fusiond.demo.plant", self._name, *options, *files])
+        self._plant = self._process(
+            "plant", ["-m", "fusiond.demo.plant", self._name, *options, *files, *lies]
+        )
         control = self._assembly.config.control
         assert control is not None
         self._scene = Scene(
             Setting(
                 name=self._name, duration_s=self._duration_s, goal_m=control.reference["position_m"],
                 units={slot.name: slot.unit for slot in self._assembly.layout.states}, endpoint=endpoint,
-                pids={"daemon": self._daemon.pid, "plant": self._plant.pid},
+                pids={"daemon": self._daemon.pid, "plant": self._plant.pid}, faults=self._faults,
             )
         )  # fmt: skip
 
@@ -208,10 +219,13 @@ class Stage:
             progress=events.append,
         )  # fmt: skip
         dofs = {sensor.name: len(sensor.channels) for sensor in layout.sensors}
-        checks = (
+        healthy = (
             goal_check(truth, self._scene.setting.goal_m, self._seed),
             consistency_check(summary, dofs),
-            loss_check(end, self._counted),
+        )
+        checks = (
+            *(without_promise(check) if self._faults else check for check in healthy),
+            loss_check(end, self._counted, lied=bool(self._faults)),
             replay_check(self._recording, events[-1], summary),
         )
         return Outcome(
@@ -219,6 +233,7 @@ class Stage:
             Verdict(checks),
             dict(end),
             self._scene.setting.pids,
+            tuple(str(fault) for fault in self._faults),
         )
 
     def _process(self, name: str, arguments: Sequence[str], *, orphan_safe: bool = False) -> Process:

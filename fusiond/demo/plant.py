@@ -3,6 +3,7 @@
     python -m fusiond.demo.plant minicar --seed 0 --for 30 --connect tcp/127.0.0.1:7447 --truth truth.csv
 
 One reading a put: the accelerometer at 1 kHz, the ultrasonic sensor every 30 ms. Each command is answered on `applied`.
+With --inject its sensors lie: what is sent, and so what the loop feels, is what the faults make of the readings.
 Truth goes to stdout, a JSON line every 30 ms, and whole into a file at the end: never over Zenoh, where the daemon is.
 """
 
@@ -13,14 +14,14 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fusiond.demo.plants import TRUTH, rig_of, truth_of
+from fusiond.demo.plants import TRUTH, lying_rig, truth_of
 from fusiond.errors import FusiondError
 from fusiond.service.client import ControlSubscriber, SensorPublisher
 from fusiond.simulation.logs import write_truth
@@ -102,24 +103,32 @@ class LivePlant:
             return
         self._followed = (command["epoch"], command["seq"])
         self._force_n = float(command["u"]["force"]) if command["valid"] else self.rig.plant.weight_n
-        self._publish("applied", (self._force_n,), self.rig.t_ns)
+        self._send(self.rig.tell([Reading(self.rig.t_ns, "applied", (self._force_n,))]))
 
     def _note(self, readings: list[Reading]) -> None:
-        for reading in readings:
-            self._publish(reading.sensor, reading.z, reading.t_ns)
+        self._send(readings)
         truth = truth_of(self.rig)
         self.truth.append(truth)
         if self.rig.t_ns % TELL_NS == 0:
             self.tell({"t_ns": self.rig.t_ns, **dict(zip(TRUTH, truth, strict=True))})
 
-    def _publish(self, sensor: str, z: tuple[float, ...], t_ns: int) -> None:
-        self.publish[sensor](z, t_ns)
-        self.sent[sensor] += 1
+    def _send(self, readings: list[Reading]) -> None:
+        for reading in readings:
+            self.publish[reading.sensor](reading.z, reading.t_ns)
+            self.sent[reading.sensor] += 1
 
 
-def live(name: str, seed: int, duration_s: float, connect: str, namespace: str, truth_file: Path) -> None:
+def live(
+    name: str,
+    seed: int,
+    duration_s: float,
+    connect: str,
+    namespace: str,
+    truth_file: Path,
+    inject: Sequence[str],
+) -> None:
     """Connect, wait until the daemon listens, run, and write the truth. Raises: ConfigError, ConnectionFailed."""
-    rig = rig_of(name, seed)
+    rig = lying_rig(name, seed, inject)
     with ControlSubscriber(name, connect, namespace=namespace) as control:
         publishers = {
             sensor: SensorPublisher(
@@ -164,10 +173,11 @@ def main() -> int:
     command.add_argument("--connect", required=True)
     command.add_argument("--namespace", default=None)
     command.add_argument("--truth", type=Path, required=True)
+    command.add_argument("--inject", action="append", default=[])
     given = command.parse_args()
     try:
         namespace = given.namespace or f"fusiond/{given.name}"
-        live(given.name, given.seed, given.duration_s, given.connect, namespace, given.truth)
+        live(given.name, given.seed, given.duration_s, given.connect, namespace, given.truth, given.inject)
     except BrokenPipeError:
         # Whoever watched has gone, and with it the reason to go on; Python would complain once more at its exit.
         sys.stdout = None

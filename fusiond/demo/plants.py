@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import fusiond
 from fusiond.errors import ConfigError
+from fusiond.simulation.faults import parse_faults
+from fusiond.simulation.faults_injection import Injection
 from fusiond.simulation.rig import PointRig, birotor, minicar
 
 PLANTS: dict[str, Callable[[int], PointRig]] = {"birotor": birotor, "minicar": minicar}
@@ -19,6 +21,14 @@ def rig_of(name: str, seed: int) -> PointRig:
     if name not in PLANTS:
         raise ConfigError(f"demo {name}: no plant of that name; choose one of {', '.join(sorted(PLANTS))}")
     return PLANTS[name](seed)
+
+
+def lying_rig(name: str, seed: int, inject: Sequence[str]) -> PointRig:
+    """A fresh plant whose sensors have these faults. Raises: ConfigError."""
+    rig = rig_of(name, seed)
+    if inject:
+        rig.faults = Injection(parse_faults(inject), rig.measured, seed, origin_ns=0)
+    return rig
 
 
 def truth_of(rig: PointRig) -> tuple[float, float, float]:

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from fusiond.simulation.faults import Fault, Kind
+from fusiond.types import NANOSECONDS, seconds
+
 REMEMBERED = 200
 """Truths and estimates kept until the other of the same time comes: six seconds."""
 
@@ -15,7 +18,7 @@ class Setting:
     """What does not change during a demonstration.
 
     Args:
-        units: of every state, by name.      goal: of the position, m.
+        units: of every state, by name.      goal: of the position, m.      faults: that are injected, in its own time.
     """
 
     name: str
@@ -24,6 +27,7 @@ class Setting:
     units: Mapping[str, str]
     endpoint: str
     pids: Mapping[str, int]
+    faults: tuple[Fault, ...] = ()
 
 
 @dataclass(slots=True)
@@ -42,6 +46,7 @@ class Scene:
     truth: Mapping[str, float] | None = None
     end: Mapping[str, Any] | None = None
     path: list[tuple[float, float, float]] = field(default_factory=list)
+    plant_t_ns: int = 0
     _truths: dict[int, Mapping[str, float]] = field(default_factory=dict)
     _estimates: dict[int, Mapping[str, Any]] = field(default_factory=dict)
 
@@ -50,12 +55,24 @@ class Scene:
         """The plant's time, as far as the daemon knows it."""
         return 0.0 if self.estimate is None else float(self.estimate["t"])
 
+    @property
+    def injected_now(self) -> list[str]:
+        """The faults that are on at the plant's time, with how long they stay; a short one is shown for a second."""
+        now_ns, said = self.plant_t_ns, []
+        for fault in self.setting.faults:
+            one = fault.kind is Kind.SPIKE and fault.duration_ns is None
+            end_ns = fault.start_ns if one else fault.end_ns
+            if fault.start_ns <= now_ns < max(end_ns, fault.start_ns + NANOSECONDS):
+                until = "" if one or fault.duration_ns is None else f" until {seconds(fault.end_ns):g} s"
+                said.append(f"{fault} (since {seconds(fault.start_ns):g} s{until})")
+        return said
+
     def told(self, line: Mapping[str, Any]) -> None:
         """Take a line of the plant."""
         if "end" in line:
             self.end = line
             return
-        t_ns = int(line["t_ns"])
+        t_ns = self.plant_t_ns = int(line["t_ns"])
         self._truths[t_ns] = {name: float(value) for name, value in line.items() if name != "t_ns"}
         self._compare(t_ns)
 

@@ -31,10 +31,11 @@ def panel(scene: Scene, columns: int = WIDTH, lines: int = HEIGHT) -> Renderable
     setting = scene.setting
     wide = columns >= WIDTH
     width = WIDTH if wide else LEAST_WIDTH
-    # 17 lines are not the chart's.
-    path = _path(scene, width - 19, min(HEIGHT, lines - 1) - 17)
+    # 17 lines are not the chart's, and one more where faults are injected.
+    path = _path(scene, width - 19, min(HEIGHT, lines - 1) - 17 - bool(setting.faults))
     parts: list[RenderableType] = [
         _head(scene),
+        *([_injected(scene)] if setting.faults else []),
         Text(),
         _states(scene, wide),
         Text(),
@@ -68,6 +69,7 @@ def line(scene: Scene) -> str:
     for name, sensor in _readings(scene):
         counts = f"{sensor['used']} used {_refused(sensor)} rejected"
         parts.append(f"{name} {sensor['rate_hz']:.0f}/s {counts} {sensor['health']}")
+    parts += [f"INJECTING {fault}" for fault in scene.injected_now]
     return " | ".join(parts)
 
 
@@ -94,6 +96,17 @@ def _head(scene: Scene) -> RenderableType:
             text.append(" (not valid)", "red")
     head.add_row(text, f"{scene.t_s:5.1f} of {scene.setting.duration_s:g} s")
     return head
+
+
+def _injected(scene: Scene) -> RenderableType:
+    """The faults that are on, in one line."""
+    now = scene.injected_now
+    text = (
+        f"injecting {', '.join(now)}"
+        if now
+        else f"{len(scene.setting.faults)} fault(s) to inject, none on now"
+    )
+    return Text(text, "bold red" if now else "dim", no_wrap=True, overflow="ellipsis")
 
 
 def _table(first: str, columns: list[str], last: str, wide: bool) -> Table:
