@@ -1,0 +1,216 @@
+"""From one promise to every threshold: the tests of a configuration, designed on its healthy course.
+
+`detection_of` is called at every start; what it derives is a plain table that `engine` copies into its design record.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from fusiond.assembly.course import course_of, rate_hz
+from fusiond.assembly.resolve import Resolved
+from fusiond.engine.layout import Layout
+from fusiond.faults.course import Course, Curve, Signatures, Suspect, signatures
+from fusiond.faults.sizes import Ladder, ladder
+from fusiond.faults.thresholds import GATE_SHARE, Promise, merged, readings_between, whiteness_threshold
+from fusiond.numerics import scatter_cusum
+from fusiond.numerics.restart import Profile, threshold
+from fusiond.numerics.ud import Matrix, Vector
+from fusiond.types import Role
+
+Integers = NDArray[np.int64]
+
+SENSOR_RATIO, POOLED_RATIO = 4.0, 1.5
+"""Variance ratios tested for, sensor by sensor and all together; their inverses too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """Every test's numbers; s sensors (inputs included), c cells sorted by sensor.
+
+    Args:
+        promise: what they were derived from.   tests: number of tests the promise is shared among, the merged once.
+        cell_sensor, cell_channel, cell_is_input: (c,) what a cell suspects; channel of the reading, or process input.
+        cell_theta: (c,) signed size, in the channel's or the input's unit.   cell_h: (c,) limit of its llr.
+        cell_age: (c,) readings of its sensor (any readings, for an input) after which its signature starts anew.
+        first, last: (s,) cells of each sensor.   variance_h, white_h: (s, 2) up, down;   pooled_h: (2,).
+        gate: (s,) largest nis that is used.   repeat_log: log of the readings between false alarms of frozen tests.
+        dead_band, studentise: (s,) see `Promise`.
+        course, signatures: what they were derived from, for the diagnosability matrix.
+        ladders: of each suspect.
+    """
+
+    promise: Promise
+    tests: float
+    cell_sensor: Integers
+    cell_channel: Integers
+    cell_is_input: NDArray[np.bool_]
+    cell_theta: Vector
+    cell_h: Vector
+    cell_age: Integers
+    first: Integers
+    last: Integers
+    variance_h: Matrix
+    white_h: Matrix
+    pooled_h: Vector
+    gate: Vector
+    repeat_log: float
+    dead_band: Vector
+    studentise: Vector
+    course: Course
+    signatures: Signatures
+    ladders: tuple[Ladder, ...]
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return len(self.cell_theta)
+
+
+def suspects_of(resolved: Resolved) -> tuple[Suspect, ...]:
+    """Every measured channel of every updating sensor, every driven input, in the order of the sensors."""
+    found = []
+    for number, sensor in enumerate(resolved.sensors):
+        if sensor.role is Role.UPDATE:
+            found += [Suspect(number, channel, False) for channel in range(sensor.model.dof)]
+        elif sensor.role is Role.INPUT:
+            found += [Suspect(number, driven, True) for driven in sensor.drives]
+    return tuple(found)
+
+
+def _profile(curve: Curve, ladder_: Ladder, age: float) -> Profile:
+    """The curve as the cell of one size lives it: cut at its age where it fades, settled behind its end otherwise."""
+    if ladder_.finite:
+        alive = np.cumsum(curve.own) <= age
+        return Profile(curve.information[alive], curve.own[alive].astype(float), 0.0, 0.0)
+    share = float(np.mean(curve.own))
+    return Profile(curve.information, curve.own.astype(float), curve.steady * share, share)
+
+
+def _distinct(curves: tuple[Curve, ...]) -> list[Curve]:
+    """The curves that differ; onsets of one regular pattern mostly give the same."""
+    kept: list[Curve] = []
+    for curve in curves:
+        head = curve.information[:64]
+        if not any(
+            len(head) == len(other.information[:64]) and np.allclose(head, other.information[:64], rtol=0.02)
+            for other in kept
+        ):
+            kept.append(curve)
+    return kept
+
+
+def _cells(
+    found: Signatures, ladders: list[Ladder], promise: Promise, tests: float, together: Vector
+) -> dict[str, list[float]]:
+    """Cells of every suspect, sizes ascending, each positive then negative."""
+    columns: dict[str, list[float]] = {name: [] for name in ("suspect", "theta", "h", "age")}
+    known: dict[tuple[float, ...], float] = {}
+    for i, steps in enumerate(ladders):
+        curves = _distinct(found.curves[i])
+        wanted = readings_between(promise, tests, curves[0].readings_per_s)
+        for size, age in zip(steps.sizes, steps.ages, strict=True):
+            profiles = [_profile(curve, steps, age) for curve in curves]
+            heads = np.concatenate([p.information[:40] * size**2 for p in profiles])
+            key = (*(float(value) for value in np.round(heads, 3)), wanted)
+            if key not in known:
+                known[key] = threshold(profiles, float(size), wanted, promise.dead_band)
+            for sign in (1.0, -1.0):
+                columns["suspect"].append(i)
+                columns["theta"].append(sign * size)
+                columns["h"].append(known[key])
+                columns["age"].append(round(age * together[i]))
+    return columns
+
+
+def _scatter(resolved: Resolved, promise: Promise, tests: float) -> tuple[Matrix, Matrix, Vector]:
+    """Thresholds of variance and whiteness (s, 2), and of the pooled variance (2,)."""
+    s = len(resolved.sensors)
+    variance, white = np.full((s, 2), np.inf), np.full((s, 2), np.inf)
+    dofs: dict[int, float] = {}
+    for number, sensor in enumerate(resolved.sensors):
+        if sensor.role is not Role.UPDATE:
+            continue
+        rate, dof = rate_hz(resolved, sensor), sensor.model.dof
+        wanted = readings_between(promise, tests, rate)
+        dofs[dof] = dofs.get(dof, 0.0) + rate
+        for k, ratio in enumerate((SENSOR_RATIO, 1.0 / SENSOR_RATIO)):
+            variance[number, k] = scatter_cusum.threshold(
+                wanted, scatter_cusum.increment_law(ratio, {dof: 1.0})
+            )
+        white[number] = whiteness_threshold(wanted, dof)
+    wanted = readings_between(promise, tests, sum(dofs.values()))
+    pooled = [
+        scatter_cusum.threshold(wanted, scatter_cusum.increment_law(ratio, dofs))
+        for ratio in (POOLED_RATIO, 1.0 / POOLED_RATIO)
+    ]
+    return variance, white, np.array(pooled)
+
+
+def count_tests(found: Signatures, ladders: list[Ladder], updating: int) -> float:
+    """Tests the promise is shared among: cells of each group of like suspects once, and per updating sensor two for
+    its variance, two for its whiteness and one for frozen values; two pooled."""
+    scale = np.diagonal(found.steady) > 0.0
+    information = np.where(np.outer(scale, scale), found.steady, found.total)
+    cells = sum(max(2 * len(ladders[i].sizes) for i in group) for group in merged(information))
+    return float(cells + 5 * updating + 2)
+
+
+def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detection:
+    """Design every test of a configuration.
+
+    Args:
+        layout: its records (`layout_of`).   promise: `Promise(interval_s, dead_band, studentise)`.
+    """
+    course = course_of(resolved)
+    suspects = suspects_of(resolved)
+    found = signatures(course, suspects)
+    updating = len(resolved.updating)
+    guess = 14.0 * len(suspects) + 5.0 * updating + 2.0
+    ladders = [
+        ladder(curves[0], readings_between(promise, guess, curves[0].readings_per_s))
+        for curves in found.curves
+    ]
+    tests = count_tests(found, ladders, updating)
+    rates = np.array([rate_hz(resolved, resolved.sensors[suspect.sensor]) for suspect in suspects])
+    total_rate = sum(rate_hz(resolved, sensor) for sensor in resolved.updating)
+    together = np.array(
+        [
+            (total_rate if suspect.is_input else rate) / found.curves[i][0].readings_per_s
+            for i, (suspect, rate) in enumerate(zip(suspects, rates, strict=True))
+        ]
+    )
+    columns = _cells(found, ladders, promise, tests, np.maximum(together, 1.0))
+    who = np.array(columns["suspect"], dtype=np.int64)
+    sensor = np.array([suspects[i].sensor for i in who], dtype=np.int64)
+    s = len(layout.sensors)
+    variance, white, pooled = _scatter(resolved, promise, tests)
+    dof = np.array([one.model.dof for one in resolved.sensors])
+    gate = np.where([one.role is Role.UPDATE for one in resolved.sensors], chi2.isf(GATE_SHARE, dof), 0.0)
+    return Detection(
+        promise=promise,
+        tests=tests,
+        cell_sensor=sensor,
+        cell_channel=np.array([suspects[i].channel for i in who], dtype=np.int64),
+        cell_is_input=np.array([suspects[i].is_input for i in who], dtype=bool),
+        cell_theta=np.array(columns["theta"]),
+        cell_h=np.array(columns["h"]),
+        cell_age=np.array(columns["age"], dtype=np.int64),
+        first=np.searchsorted(sensor, np.arange(s), "left"),
+        last=np.searchsorted(sensor, np.arange(s), "right"),
+        variance_h=variance,
+        white_h=white,
+        pooled_h=pooled,
+        gate=gate,
+        repeat_log=math.log(readings_between(promise, tests, total_rate)),
+        dead_band=np.full(s, promise.dead_band),
+        studentise=np.full(s, promise.studentise),
+        course=course,
+        signatures=found,
+        ladders=tuple(ladders),
+    )

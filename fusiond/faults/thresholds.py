@@ -1,0 +1,82 @@
+"""One promise, many thresholds: the service's mean time between false alarms, shared out over all tests.
+
+K tests that raise false alarms independently, each once in K T seconds, together raise one in T seconds. Tests that
+are one and the same in disguise (two sensors of one position: one's bias is the other's with the opposite sign) alarm
+together and count once. A test is calibrated in readings, by its own average run length.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fusiond.numerics.ud import Matrix
+
+SAME = 0.95
+"""Correlation, in size, of two faults' signatures from which their tests count as one."""
+GATE_SHARE = 1e-6
+"""Probability that a healthy reading is refused by the gate."""
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """What the operator was promised.
+
+    Args:
+        interval_s: mean time between false alarms of the whole service.
+        dead_band: mean of a whitened innovation that is no fault, for every sensor.
+        studentise: share of one reading in the slow innovation variance the tests are scaled by; 0: none.
+    """
+
+    interval_s: float
+    dead_band: float = 0.0
+    studentise: float = 0.0
+
+
+SHARP = (0.0, 0.0)
+ROBUST = (0.06, 0.002)
+"""dead_band and studentise of the two profiles: the declared noise is right; or wrong by up to a third."""
+
+
+def merged(information: Matrix, same: float = SAME) -> list[list[int]]:
+    """Suspects whose signatures correlate, in size, above `same`, in groups (transitive).
+
+    Args:
+        information: (s, s) inner products of the signatures.
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
+    alike = np.abs(information) >= same * np.outer(scale, scale)
+    groups: list[list[int]] = []
+    for i in range(len(information)):
+        joined = [group for group in groups if any(alike[i, j] for j in group)]
+        groups = [group for group in groups if group not in joined]
+        groups.append(sorted([i, *(j for group in joined for j in group)]))
+    return sorted(groups)
+
+
+def readings_between(promise: Promise, tests: float, readings_per_s: float) -> float:
+    """Average run length, in readings, of one of `tests` equal tests that sees so many readings a second."""
+    return max(promise.interval_s * tests * readings_per_s, 2.0)
+
+
+def frozen_run(readings: float, repeat_share: float) -> int:
+    """Equal values in a row, beyond the first, that chance explains at most once in so many readings.
+
+    Args:
+        repeat_share: probability that a healthy sensor repeats a value: about lsb / (2 sqrt(pi) sigma).
+    """
+    share = min(max(repeat_share, 1e-9), 0.999)
+    return max(2, math.ceil(math.log(readings) / -math.log(share)))
+
+
+WHITENESS = 0.3
+"""Correlation of successive innovations that the whiteness test looks for, either sign."""
+WHITENESS_A = {1: 3.64, 2: 3.07, 3: 2.72, 4: 2.53, 5: 2.38, 6: 2.26}
+"""ln(run length) - threshold of the whiteness test by channels of a reading; constant from a run length of 1e3 on."""
+
+
+def whiteness_threshold(wanted: float, dof: int) -> float:
+    """Threshold of the lag-one CUSUM sum(r e e' - r^2 e'^2 / 2) with this run length in readings, r = WHITENESS."""
+    return max(math.log(wanted) - WHITENESS_A.get(dof, WHITENESS_A[max(WHITENESS_A)]), 1.0)
