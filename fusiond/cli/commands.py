@@ -115,6 +115,9 @@ def replay(
     config: ConfigPath,
     truth: Annotated[Path | None, typer.Option(help="CSV to compare with: t_s and names of states.")] = None,
     out: Annotated[Path | None, typer.Option(help="Write the run here, MCAP.")] = None,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="Also what the whole recording says of every moment.")
+    ] = False,
     as_json: Json = False,
     part: Part = None,
 ) -> None:
@@ -124,7 +127,12 @@ def replay(
     from fusiond.service.roles import load
 
     result = replay_log(
-        load(config, part), log, truth=truth, out=out, config_text=config.read_text(encoding="utf-8")
+        load(config, part),
+        log,
+        truth=truth,
+        out=out,
+        config_text=config.read_text(encoding="utf-8"),
+        smooth=smooth,
     )
     if as_json:
         _emit(result)

@@ -1,44 +1,86 @@
-"""`fusiond replay`: log, truth and writer put together."""
+"""`fusiond replay`: log, truth, smoother and writer put together."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from fusiond.assembly.assembly import Assembly
 from fusiond.cli.views import counting, working
+from fusiond.engine.engine import Engine
 from fusiond.errors import ConfigError
+from fusiond.recording.accumulators import TruthSums
 from fusiond.recording.log import open_log
 from fusiond.recording.mcap_writer import McapWriter
 from fusiond.recording.replay import replay
-from fusiond.recording.truth import read_truth
+from fusiond.recording.truth import Truth, read_truth
 
 
 def replay_log(
-    assembly: Assembly, log: Path, *, truth: Path | None, out: Path | None, config_text: str
-) -> dict[str, Any]:
-    """Replay one log; returns the object of `replay --json`. Raises LogError."""
+    assembly: Assembly, log: Path, *, truth: Path | None, out: Path | None, config_text: str, smooth: bool = False,
+) -> dict[str, Any]:  # fmt: skip
+    """Replay one log; returns the object of `replay --json`. Raises LogError, ConfigError."""
     if out is not None and out.exists() and log.exists() and out.samefile(log):
         raise ConfigError(f"--out: {out} is the log itself; name another file")
-    layout = assembly.layout
+    layout, estimate_hz = assembly.layout, assembly.config.recording.estimate_hz
     angles = {slot.name for slot in (*layout.states, *layout.outputs) if slot.unit == "rad"}
     source = open_log(log, layout)
     known = read_truth(truth, angles) if truth else None
-    writer = McapWriter(out, layout, config_text) if out else None
-    try:
+    with ExitStack() as closing:
+        smoothing = closing.enter_context(Smoothing(assembly)) if smooth else None
+        writer = closing.enter_context(McapWriter(out, layout, config_text)) if out else None
         with working("compiling the filter (once for each configuration)"):
             assembly.prepare()
+            if smoothing:
+                smoothing.tracer.prepare()
+        engine = assembly.engine()
         with counting(f"replay {log.name}") as progress:
             result = replay(
-                assembly.engine(),
+                engine,
                 source,
                 truth=known,
                 writer=writer,
                 progress=progress,
                 refusals=source.refusals,
-                estimate_hz=assembly.config.recording.estimate_hz,
+                estimate_hz=estimate_hz,
+                witness=smoothing.smoother.witness if smoothing else None,
+            ).json_object()
+        return smoothing.add_to(result, engine, known, writer) if smoothing else result
+
+
+class Smoothing:
+    """A smoother beside a replay; a context manager. Raises ConfigError where the configuration cannot be smoothed."""
+
+    def __init__(self, assembly: Assembly) -> None:
+        from fusiond.assembly.retracing import injection_of, tracer_of
+        from fusiond.recording.smoothing import Smoother
+
+        self._assembly = assembly
+        self.tracer = tracer_of(assembly)
+        self.smoother = Smoother(self.tracer, assembly.design, injection_of(assembly))
+
+    def __enter__(self) -> Smoothing:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.smoother.close()
+
+    def add_to(
+        self, result: dict[str, Any], engine: Engine, truth: Truth | None, writer: McapWriter | None
+    ) -> dict[str, Any]:
+        """The result of the replay with `smoothed` beside it."""
+        from fusiond.recording.smoothing_summary import summarise
+
+        with working("smoothing"):
+            ended_in = self.smoother.finish()
+            sums = None if truth is None else TruthSums(engine.layout, truth, engine.outputs)
+            estimate_hz = self._assembly.config.recording.estimate_hz
+            result["smoothed"] = summarise(
+                self.smoother, engine.layout, sums=sums, writer=writer, estimate_hz=estimate_hz
             )
-    finally:
-        if writer is not None:
-            writer.close()
-    return result.json_object()
+        if ended_in != engine.state_sha256():
+            result["warnings"].append(
+                "smoothed: the run could not be followed bit for bit; what is smoothed is not quite this run"
+            )
+        return result

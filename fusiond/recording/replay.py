@@ -19,6 +19,8 @@ from fusiond.recording.truth import Truth
 from fusiond.recording.views import Thinning, estimate_message
 from fusiond.types import ServiceHealth, seconds
 
+Witness = Callable[[NDArray[Any], NDArray[Any]], None]
+"""Sees readings and their reports, of which the next call of the engine overwrites the latter."""
 EPOCH = "replay"
 """Epoch of the estimates a replay writes: no daemon was started."""
 
@@ -32,6 +34,7 @@ def replay(
     progress: Callable[[int], None] | None = None,
     refusals: Refusals | None = None,
     estimate_hz: float = 20.0,
+    witness: Witness | None = None,
 ) -> Summary:
     """Run every reading through the engine, in the order given, and sum up.
 
@@ -44,8 +47,9 @@ def replay(
             it.
         progress: called after each chunk with the number of events so far.
         refusals: what the log refused, read when `chunks` has ended.
+        witness: sees every chunk with its reports, which it copies if it keeps them.
     """
-    run = Run(engine, truth, writer, estimate_hz)
+    run = Run(engine, truth, writer, estimate_hz, witness)
     started = time.perf_counter()
     for readings in chunks:
         run.feed(readings)
@@ -58,12 +62,14 @@ class Run:
     """The sums of one replay while it goes on."""
 
     def __init__(
-        self, engine: Engine, truth: Truth | None, writer: McapWriter | None, estimate_hz: float
-    ) -> None:
+        self, engine: Engine, truth: Truth | None, writer: McapWriter | None, estimate_hz: float,
+        witness: Witness | None = None,
+    ) -> None:  # fmt: skip
         self.events = 0
         self._readings = 0
         self._engine = engine
         self._writer = writer
+        self._witness = witness
         self._thinning = Thinning(estimate_hz)
         self._estimates = 0
         self._sensors = SensorSums(engine.layout)
@@ -86,6 +92,8 @@ class Run:
             self._truth.add(reports[updating], P)
         if self._writer is not None:
             self._write(self._writer, readings, reports, updating)
+        if self._witness is not None:
+            self._witness(readings, reports)
         self._last = reports[-1].copy()
 
     def summary(self, wall_s: float, refusals: Refusals | None) -> Summary:

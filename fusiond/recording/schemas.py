@@ -37,6 +37,7 @@ PROPERTIES: dict[str, dict[str, object]] = {
 
 SCHEMA_OF_TOPIC = {
     "estimate": "fusiond.Estimate",
+    "smoothed": "fusiond.Estimate",
     "control": "fusiond.Control",
     "health": "fusiond.Health",
     "event": "fusiond.Event",

@@ -1,0 +1,70 @@
+"""The step's update, its scalar channels kept."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fusiond.engine.records import CENTRAL
+from fusiond.engine.step.predict import predict
+from fusiond.engine.step.sizes import ERRORS
+from fusiond.engine.step.update import *  # noqa: F403 whoever imports from here finds all of it
+from fusiond.engine.step.update import correct as correct_only
+from fusiond.engine.step.update import innovate, load_noise
+from fusiond.numerics.arrays import copy_matrix, copy_vector
+from fusiond.numerics.kernel import kernel
+from fusiond.numerics.ud import bierman_update, whiten
+
+
+@kernel
+def keep_channels(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Do the update of the centralized filter on a copy of its covariance; writes work.pass_*, but not x and F."""
+    dof = design.dof[reading.sensor]
+    innovate(track, design, work, CENTRAL, reading)
+    load_noise(reading, design, work)
+    copy_matrix(track.U[CENTRAL], work.pass_U)
+    copy_vector(track.d[CENTRAL], work.pass_d)
+    whiten(work.R_U, work.nu, work.H, dof)
+    for j in range(ERRORS):
+        work.dx[j] = 0.0
+    for i in range(dof):
+        nu = work.nu[i]
+        for j in range(ERRORS):
+            nu -= work.H[i, j] * work.dx[j]
+        S = bierman_update(work.dx, work.pass_U, work.pass_d, work.H[i], work.R_d[i], nu, work.a, work.b)
+        work.pass_nu[i] = nu
+        work.pass_S[i] = S
+        for j in range(ERRORS):
+            work.pass_h[i, j] = work.H[i, j]
+            work.pass_k[i, j] = work.b[j] / S if S > 0.0 else 0.0
+    work.pass_channels = dof
+
+
+@kernel
+def is_what_was_kept(track: Any, work: Any) -> bool:
+    """Whether the centralized covariance is, bit for bit, that of the update that was kept."""
+    for i in range(ERRORS):
+        if track.d[CENTRAL, i] != work.pass_d[i]:
+            return False
+        for j in range(i + 1, ERRORS):
+            if track.U[CENTRAL, i, j] != work.pass_U[i, j]:
+                return False
+    return True
+
+
+@kernel  # type: ignore[no-redef] # stands for the one of the step
+def correct(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any) -> None:
+    """The step's own update; of the centralized filter, what it did stays in work.pass_*.
+
+    An update that was not what these files know (another version of the step) stands apart from what came before.
+    """
+    if row == CENTRAL:
+        predict(track, design, work, CENTRAL, reading.t_ns)
+        keep_channels(track, design, work, reading)
+    correct_only(track, design, work, row, reading, report)
+    if row == CENTRAL:
+        if not is_what_was_kept(track, work):
+            work.pass_apart = 1
+        copy_vector(track.x[CENTRAL], work.pass_x)
+        copy_matrix(track.U[CENTRAL], work.pass_U)
+        copy_vector(track.d[CENTRAL], work.pass_d)
+        work.pass_t_ns = track.filter_t_ns[CENTRAL]
