@@ -16,8 +16,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fusiond.errors import FusiondError
-from tools.pages import recording_pictures
-from tools.pages.recorded import SOURCES, Recorded, import_from, recorded
+from tools.pages import recording_pictures, recording_ranges_pictures, recording_strapdown_pictures
+from tools.pages.recorded import FOLDERS, SOURCES, Recorded, import_from, recorded
+from tools.pages.recording_ranges_rows import mower_rows
 from tools.pages.recording_rows import (
     Row,
     dresden_rows,
@@ -27,6 +28,7 @@ from tools.pages.recording_rows import (
     table,
     udacity_rows,
 )
+from tools.pages.recording_strapdown_rows import delays, highway_rows, iris_rows, jackal_3d_rows
 
 PAGE = Path(__file__).with_name("recordings_page.md")
 PROJECT = Path(__file__).resolve().parents[2]
@@ -49,6 +51,10 @@ def measure(runs: dict[str, Recorded]) -> dict[str, list[Row]]:
         "jackal": jackal_rows(runs["jackal"]),
         "udacity": udacity_rows(runs["udacity_laser_radar"], runs["udacity_laser_radar_robot"]),
         "dresden": dresden_rows(runs["dresden_car"]),
+        "jackal_3d": jackal_3d_rows(runs["jackal_3d"]),
+        "iris": iris_rows(runs["px4_iris"]),
+        "mower": mower_rows(runs["plaza2_scale"], runs["plaza2"]),
+        "highway": highway_rows(runs["comma2k19"]),
     }
 
 
@@ -60,6 +66,20 @@ def draw(runs: dict[str, Recorded], into: Path) -> None:
     recording_pictures.clock(runs["dresden_car"], into / "recording_dresden_clock.svg")
     pair = (runs["udacity_laser_radar"], runs["udacity_laser_radar_robot"])
     recording_pictures.udacity(*pair, into / "recording_udacity.svg")
+    recording_strapdown_pictures.jackal_3d(runs["jackal_3d"], into / "recording_jackal_3d.svg")
+    recording_strapdown_pictures.iris(runs["px4_iris"], into / "recording_iris.svg")
+    recording_strapdown_pictures.highway(runs["comma2k19"], into / "recording_highway.svg")
+    both = (runs["plaza2_scale"], runs["plaza2"])
+    recording_ranges_pictures.mower(*both, into / "recording_mower.svg")
+
+
+def run_all(data: Path, into: Path) -> dict[str, Recorded]:
+    """Every recording imported and met with its configurations, by the configuration's name."""
+    logs = {name: import_from(data / FOLDERS.get(name, name), name, into) for name in SOURCES}
+    runs = {name: recorded(name, log) for name, log in logs.items()}
+    for name, log in (("udacity_laser_radar_robot", "udacity_laser_radar"), ("plaza2_scale", "plaza2")):
+        runs[name] = recorded(name, logs[log])
+    return runs
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -70,15 +90,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     with tempfile.TemporaryDirectory() as folder:
         try:
-            logs = {name: import_from(given.data / name, name, Path(folder)) for name in SOURCES}
-            runs = {name: recorded(name, log) for name, log in logs.items()}
-            runs["udacity_laser_radar_robot"] = recorded(
-                "udacity_laser_radar_robot", logs["udacity_laser_radar"]
-            )
+            runs = run_all(given.data, Path(folder))
             tables = measure(runs)
             extra = {
                 "variants": dresden_variants(runs["dresden_car"]),
                 "everywhere": outages_everywhere(runs["dresden_car"]),
+                "delays": delays(runs["comma2k19"]),
             }
             draw(runs, given.docs / "pictures")
         except FusiondError as error:
