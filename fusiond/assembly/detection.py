@@ -17,7 +17,14 @@ from fusiond.assembly.resolve import Resolved
 from fusiond.engine.layout import Layout
 from fusiond.faults.course import Course, Curve, Signatures, Suspect, signatures
 from fusiond.faults.sizes import Ladder, ladder
-from fusiond.faults.thresholds import GATE_SHARE, Promise, merged, readings_between, whiteness_threshold
+from fusiond.faults.thresholds import (
+    GATE_SHARE,
+    Promise,
+    alone,
+    independent,
+    readings_between,
+    whiteness_threshold,
+)
 from fusiond.numerics import scatter_cusum
 from fusiond.numerics.restart import Profile, threshold
 from fusiond.numerics.ud import Matrix, Vector
@@ -113,8 +120,8 @@ def _cells(
     known: dict[tuple[float, ...], float] = {}
     for i, steps in enumerate(ladders):
         curves = _distinct(found.curves[i])
-        wanted = readings_between(promise, tests, curves[0].readings_per_s)
-        for size, age in zip(steps.sizes, steps.ages, strict=True):
+        for size, age, share in zip(steps.sizes, steps.ages, steps.shares, strict=True):
+            wanted = readings_between(promise, tests, curves[0].readings_per_s, share)
             profiles = [_profile(curve, steps, age) for curve in curves]
             heads = np.concatenate([p.information[:40] * size**2 for p in profiles])
             key = (*(float(value) for value in np.round(heads, 3)), wanted)
@@ -153,12 +160,19 @@ def _scatter(resolved: Resolved, promise: Promise, tests: float) -> tuple[Matrix
 
 
 def count_tests(found: Signatures, ladders: list[Ladder], updating: int) -> float:
-    """Tests the promise is shared among: cells of each group of like suspects once, and per updating sensor two for
-    its variance, two for its whiteness and one for frozen values; two pooled."""
-    scale = np.diagonal(found.steady) > 0.0
-    information = np.where(np.outer(scale, scale), found.steady, found.total)
-    cells = sum(max(2 * len(ladders[i].sizes) for i in group) for group in merged(information))
-    return float(cells + 5 * updating + 2)
+    """Independent tests the promise is shared among.
+
+    The cells, those that alarm together counted once; two for the variance and two for the whiteness of each updating
+    sensor; two for the pooled variance, and one for all values that freeze (continuous ones never do).
+    """
+    lasting = np.diagonal(found.steady) > 0.0
+    information = np.where(np.outer(lasting, lasting), found.steady, found.total)
+    counts = independent(information)
+    cells = sum(
+        float(count) * 2.0 * float(steps.shares.sum()) * alone(len(steps.sizes))
+        for count, steps in zip(counts, ladders, strict=True)
+    )
+    return cells + 4.0 * updating + 3.0
 
 
 def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detection:
@@ -171,7 +185,7 @@ def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detect
     suspects = suspects_of(resolved)
     found = signatures(course, suspects)
     updating = len(resolved.updating)
-    guess = 14.0 * len(suspects) + 5.0 * updating + 2.0
+    guess = 8.0 * len(suspects) + 4.0 * updating + 3.0
     ladders = [
         ladder(curves[0], readings_between(promise, guess, curves[0].readings_per_s))
         for curves in found.curves

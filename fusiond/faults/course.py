@@ -8,6 +8,7 @@ unit fault of raw channel ch does to decorrelated channel c; `T`, `B` lead from 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +100,9 @@ class Signatures:
     duration_s: float
 
 
+Growth = Literal["constant", "ramp", "scale", "delay"]
+"""How a fault of unit size goes with time: 1, seconds since its onset, h, or minus the rate of change of h."""
+
 STARTS = 3
 """Onsets within a period from which a fault's signature is followed."""
 LONGEST = 1200
@@ -142,20 +146,33 @@ def _columns(course: Course, suspects: tuple[Suspect, ...]) -> _Columns:
     )
 
 
-def _one_period(course: Course, columns: _Columns, phi: Matrix, first: bool) -> tuple[Matrix, Matrix]:
+def _profile(course: Course, columns: _Columns, growth: Growth, turn: int, k: int) -> Vector:
+    """(columns,) error of each column's channel or input at entry k of a period, for a fault of unit size."""
+    if growth == "ramp":
+        return np.asarray(turn * course.period_s + course.t_s[k] - course.t_s[columns.start])
+    if growth == "constant":
+        return np.ones(len(columns.who))
+    values = course.h[k] if growth == "scale" else -course.hdot[k]
+    return np.asarray(np.where(columns.is_input, 0.0, values[np.minimum(columns.channel, len(values) - 1)]))
+
+
+def _one_period(
+    course: Course, columns: _Columns, phi: Matrix, turn: int, growth: Growth
+) -> tuple[Matrix, Matrix]:
     """Carry signatures phi (n, columns) through one period; returns phi and w (W, m, columns)."""
     W, m = course.root.shape
     w = np.zeros((W, m, len(columns.who)))
     driving = np.flatnonzero(columns.is_input)
     for k in range(W):
-        begun = ~first | (columns.start <= k)
+        begun = (turn > 0) | (columns.start <= k)
+        error = _profile(course, columns, growth, turn, k) * begun
         phi = course.T[k] @ phi
         # an input's error acts on the interval before the reading: one that begins with entry k has driven to it
-        phi[:, driving] += course.B[k][:, columns.channel[driving]] * begun[driving]
+        phi[:, driving] += course.B[k][:, columns.channel[driving]] * error[driving]
         hit = np.flatnonzero(~columns.is_input & (columns.sensor == course.sensor[k]) & begun)
         for c in range(course.dof[k]):
             rho = -course.H[k, c] @ phi
-            rho[hit] += course.D[k, c, columns.channel[hit]]
+            rho[hit] += course.D[k, c, columns.channel[hit]] * error[hit]
             w[k, c] = rho / course.root[k, c] if course.root[k, c] > 0.0 else 0.0
             phi += np.outer(course.K[k, c], rho)
     return phi, w
@@ -174,7 +191,7 @@ def _settled(sums: list[Vector]) -> tuple[bool, NDArray[np.bool_]]:
     return bool(np.all((np.abs(last - before) <= SETTLED * last) | spent)), spent
 
 
-def signatures(course: Course, suspects: tuple[Suspect, ...]) -> Signatures:
+def signatures(course: Course, suspects: tuple[Suspect, ...], growth: Growth = "constant") -> Signatures:
     """Follow a unit fault of every suspect through the course until it has settled, or LONGEST entries."""
     columns = _columns(course, suspects)
     phi: Matrix = np.zeros((course.T.shape[1], len(columns.who)))
@@ -183,7 +200,7 @@ def signatures(course: Course, suspects: tuple[Suspect, ...]) -> Signatures:
     most = max(2, LONGEST // len(course))
     spent = np.zeros(len(columns.who), dtype=bool)
     for turn in range(1, most + 1):
-        phi, w = _one_period(course, columns, phi, turn == 1)
+        phi, w = _one_period(course, columns, phi, turn - 1, growth)
         periods.append(w)
         sums.append(np.sum(w * w, axis=(0, 1)))
         if turn == most or (turn >= SHORTEST and turn % 8 == 0):

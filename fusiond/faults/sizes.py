@@ -33,16 +33,25 @@ NEARLY_ALL = 0.98
 """Share of a finite information after which a signature starts anew."""
 WAITS = 8
 """A signature that does not fade starts anew after this many expected delays."""
+LOW_SHARES = (0.25, 0.5)
+"""Shares of the two lowest sizes, which are for drifts and very long waits: a shift four times theirs is found in 1.21
+times the bound's readings, with equal shares in 1.28."""
 SHORTEST_AGE = 16
 """Readings that a signature is given at least."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """Sizes of one suspect in the suspect's unit, and after how many of its readings a cell of each starts anew."""
+    """Sizes of one suspect, ascending, in the suspect's unit.
+
+    Args:
+        ages: readings of the suspect after which a cell of each size starts anew.
+        shares: of the promise that each may use up.   finite: whether the information is.
+    """
 
     sizes: Vector
     ages: Vector
+    shares: Vector
     finite: bool
 
 
@@ -70,7 +79,7 @@ def ladder(curve: Curve, run: float, blind: float = 0.0) -> Ladder:
     longest = int(min(LONGEST, max(run / 30.0, 8.0)))
     a = cumulative(curve, longest)
     if a[-1] <= 0.0:
-        return Ladder(np.zeros(0), np.zeros(0), True)
+        return Ladder(np.zeros(0), np.zeros(0), np.zeros(0), True)
     finite = bool(curve.steady <= 0.0 or a[-1] < SATURATED * a[(longest - 1) // 8])
     lowest = math.sqrt(2.0 * log_run / a[-1]) * (HALF if finite else 1.0)
     first = a[0] if a[0] > 0.0 else a[np.argmax(a > 0.0)]
@@ -87,7 +96,10 @@ def ladder(curve: Curve, run: float, blind: float = 0.0) -> Ladder:
     else:
         waits = np.array([delay_of(a, float(size), log_run) for size in sizes])
         ages = np.maximum(WAITS * np.where(np.isfinite(waits), waits, longest), 4 * SHORTEST_AGE)
-    return Ladder(sizes, ages.astype(float), finite)
+    shares = np.ones(count)
+    if not finite:
+        shares[:2] = LOW_SHARES[:count]
+    return Ladder(sizes, ages.astype(float), shares, finite)
 
 
 LARGEST_FACTOR = 2.5
