@@ -1,0 +1,47 @@
+"""The model as an explanation: the state was moved, or everything scatters otherwise than declared.
+
+A disturbance d of the state before entry o gives all later innovations, of every sensor, the means G d that the running
+filter makes of it. Its information A(o) and matched sum b(o) follow backwards from the last entry:
+
+    A(o) = G_o'G_o + F_o' A(o+1) F_o,    b(o) = G_o'e_o + F_o' b(o+1),    GLR = b' A^-1 b / 2,
+
+with F_o what the entry leaves of an error and G_o what its innovations show of it. Source: Willsky & Jones 1976.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fusiond.faults.glr import PARAMETER
+from fusiond.faults.response import Response
+from fusiond.faults.spread import pooled
+from fusiond.numerics.ud import Matrix
+
+RANK = 1e-8
+"""Directions of the state with a smaller share of the largest information are not seen."""
+
+
+def _moved(response: Response) -> float:
+    """Best score of a sudden change of the state, in any direction that is seen."""
+    steps, n = response.steps, response.steps.error.shape[1]
+    A: Matrix = np.zeros((n, n))
+    b = np.zeros(n)
+    row = len(response.e)
+    informations, matched = [], []
+    for k in range(len(response) - 1, -1, -1):
+        dof = int(response.dof[k])
+        G, F, e = steps.from_error[k, :dof], steps.error[k], response.e[row - dof : row]
+        A, b, row = G.T @ G + F.T @ A @ F, G.T @ e + F.T @ b, row - dof
+        informations.append(A)
+        matched.append(b)
+    lengths, V = np.linalg.eigh(np.array(informations))
+    y2 = np.einsum("wji,wj->wi", V, np.array(matched)) ** 2
+    seen = lengths > RANK * lengths[:, -1:]
+    each = np.where(seen, 0.5 * y2 / np.where(seen, lengths, 1.0) - PARAMETER, 0.0)
+    return float(np.max(np.sum(np.maximum(each, 0.0), axis=1)) - np.log(len(response)))
+
+
+def model_score(response: Response) -> float:
+    """Score of the better of the two explanations that convict the model, comparable to that of a `Fit`."""
+    scatter = pooled(response) - PARAMETER - float(np.log(len(response)))
+    return max(_moved(response), scatter)

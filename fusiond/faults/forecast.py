@@ -1,0 +1,102 @@
+"""What waiting would bring: two explanations carried on into the readings to come.
+
+The near future is taken to look like the recent past: the same sensors at the same rates, the same gains, the same
+motion. Whether one explanation can still be told from another is then a number, not a guess: the part of the one's
+signature, size as fitted, that no size of the other's can imitate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fusiond.faults.glr import Fit
+from fusiond.faults.ground import profile_of
+from fusiond.faults.response import Response
+from fusiond.numerics.ud import Matrix, Vector
+from fusiond.types import Kind
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """Log likelihood by which one explanation is expected to outdo another.
+
+    Args:
+        now: in the window.   gain: more of it in the readings to come.
+        strength: information of the fault itself in the last half of those;   sine2: squared sine between the two
+            signatures there; 0: in the long run they look the same.
+    """
+
+    now: float
+    gain: float
+    strength: float
+    sine2: float
+
+
+def _errors(fit: Fit, response: Response) -> tuple[Matrix, Matrix]:
+    """(W, m, q) and (W, k, q): errors of each entry's channels and inputs for a unit of each size, time left out."""
+    W, m = response.h.shape
+    q, inputs = len(fit.hypothesis.parts), response.steps.input.shape[2]
+    reading, driving = np.zeros((W, m, q)), np.zeros((W, inputs, q))
+    for i, part in enumerate(fit.hypothesis.parts):
+        for suspect in part:
+            if suspect.is_input:
+                driving[:, suspect.channel, i] = 1.0
+                continue
+            own = response.sensor == suspect.sensor
+            if fit.kind is Kind.SCALE:
+                reading[own, suspect.channel, i] = response.h[own, suspect.channel]
+            elif fit.kind is Kind.DELAY:
+                reading[own, suspect.channel, i] = -response.hdot[own, suspect.channel]
+            else:
+                reading[own, suspect.channel, i] = 1.0
+    return reading, driving
+
+
+def onward_means(fit: Fit, count: int) -> Matrix:
+    """(rows, q) whitened means of the next `count` entries for a unit of each size."""
+    ground = fit.ground
+    response, steps = ground.response, ground.response.steps
+    reading, driving = _errors(fit, response)
+    W = len(response)
+    recent = max(W // 2, 1)
+    phi = response.carried[:, ground.columns] @ profile_of(ground, fit.hypothesis, fit.number)
+    step_s = (response.t_s[-1] - response.t_s[-recent]) / max(recent - 1, 1)
+    since_s = response.t_s[-1] - response.t_s[fit.onset]
+    rows = []
+    for i in range(count):
+        k = W - recent + i % recent
+        grown = since_s + (i + 1) * step_s if fit.kind is Kind.DRIFT else float(fit.kind is not Kind.SPIKE)
+        f, g = reading[k] * grown, driving[k] * grown
+        rows.append(
+            (steps.from_error[k] @ phi + steps.from_reading[k] @ f + steps.from_input[k] @ g)[
+                : response.dof[k]
+            ]
+        )
+        phi = steps.error[k] @ phi + steps.reading[k] @ f + steps.input[k] @ g
+    return np.concatenate(rows) if rows else np.zeros((0, reading.shape[2]))
+
+
+def _unlike(mean: Vector, basis: Matrix) -> Vector:
+    """What the columns of `basis` cannot imitate of `mean`."""
+    scale = np.sqrt(np.sum(basis * basis, axis=0))
+    unit = basis[:, scale > 0.0] / scale[scale > 0.0]
+    return mean - unit @ np.linalg.lstsq(unit, mean, rcond=1e-9)[0] if unit.size else mean
+
+
+def _energy(mean: Vector) -> float:
+    """Information of whitened means: log likelihood ratio they are expected to yield."""
+    return 0.5 * float(mean @ mean)
+
+
+def separate(fit: Fit, rival: Fit, count: int) -> Separation:
+    """How well `fit`, if it is true, is told from `rival` in the window, and in `count` more entries."""
+    mean, basis = fit.basis() @ fit.size, rival.basis()
+    later, basis_later = onward_means(fit, count) @ fit.size, onward_means(rival, count)
+    now = _energy(_unlike(mean, basis))
+    rest = _unlike(np.concatenate((mean, later)), np.concatenate((basis, basis_later)))
+    tail = (len(later) + 1) // 2
+    strength = _energy(later[-tail:])
+    sine2 = _energy(rest[-tail:]) / strength if tail and strength > 0.0 else 0.0
+    return Separation(now, max(_energy(rest) - now, 0.0), strength, sine2)

@@ -1,0 +1,128 @@
+"""Generalised likelihood ratio of every hypothesis and every onset in a window.
+
+With w(o) the whitened means that a unit fault from onset o on would give the innovations e (all N(0, 1) without it),
+
+    a = w'w,   b = w'e,   size = b / a,   variance of the size = 1 / a,   GLR = b^2 / (2 a),
+
+and the same with matrices where a fault has several sizes (GLR = b' a^-1 b / 2). To compare explanations of different
+make, each pays for what was fitted: PARAMETER for every size, ln(number of onsets tried) for the onset, as if every
+reading were as likely a beginning, and RARITY for its kind.
+
+Source: Willsky & Jones 1976. Laws: tests/laws/test_glr.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fusiond.faults.ground import Ground, basis, ground_of, information
+from fusiond.faults.hypotheses import Hypothesis, Place
+from fusiond.faults.response import Response
+from fusiond.faults.spread import fit_spread
+from fusiond.numerics.ud import Matrix, Vector
+from fusiond.types import Kind
+
+PARAMETER = 2.0
+"""Log likelihood that one more fitted number must earn: more than chance gives it once in twenty times."""
+RARITY = {Kind.DRIFT: 1.0, Kind.SCALE: 3.0, Kind.DELAY: 3.0}
+"""Log odds of a bias, beforehand, over other kinds: the more shapes are tried, the more of them noise resembles."""
+FAINT = 1e-9
+"""Share of a hypothesis's largest information below which an onset says nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """One hypothesis at its most likely onset.
+
+    Args:
+        onset: entry of the window at which it begins.   size: (q,).   covariance: (q, q).
+        glr: log likelihood ratio against no fault.   score: the same after what was fitted is paid for.
+        removed: what it explains of the sum of squares of e.
+        ground: where it acts.   number: of the onset among the ground's entries.
+        curve: (o,) log likelihood ratio of each onset tried.   information: (o,) determinant of a.
+    """
+
+    hypothesis: Hypothesis
+    onset: int
+    size: Vector
+    covariance: Matrix
+    glr: float
+    score: float
+    removed: float
+    ground: Ground
+    number: int
+    curve: Vector
+    information: Vector
+
+    @property
+    def place(self) -> Place:
+        """Sensors the fault sits in."""
+        return self.hypothesis.place
+
+    @property
+    def kind(self) -> Kind:
+        """Kind of the fault."""
+        return self.hypothesis.kind
+
+    def basis(self) -> Matrix:
+        """(E, q) whitened means for a unit of each size; a change of noise has none."""
+        if self.kind is Kind.NOISE:
+            return np.zeros((len(self.ground.response.e), 0))
+        return basis(self.ground, self.hypothesis, self.number)
+
+
+def likelihoods(a: Matrix, b: Matrix) -> tuple[Vector, Vector]:
+    """Size and GLR for every onset from a (o, q, q) and b (o, q); zero where a says nothing.
+
+    Returns:
+        sizes (o, q), GLR (o,).
+    """
+    if a.shape[1] == 1:
+        scalar = a[:, 0, 0]
+        faint = scalar <= FAINT * np.max(scalar, initial=1e-300)
+        sizes = np.where(faint[:, None], 0.0, b / np.where(faint, 1.0, scalar)[:, None])
+    else:
+        sizes = np.einsum("oqr,or->oq", np.linalg.pinv(a, rcond=FAINT, hermitian=True), b)
+    return sizes, 0.5 * np.einsum("oq,oq->o", b, sizes)
+
+
+def fit_signature(ground: Ground, hypothesis: Hypothesis) -> Fit:
+    """The most likely onset and size of a fault with a signature."""
+    a, b = information(ground, hypothesis)
+    sizes, glr = likelihoods(a, b)
+    best = int(np.argmax(glr))
+    paid = PARAMETER * len(hypothesis.parts) + float(np.log(len(glr))) + RARITY.get(hypothesis.kind, 0.0)
+    return Fit(
+        hypothesis, int(ground.entries[best]), sizes[best], np.linalg.pinv(a[best], rcond=FAINT, hermitian=True),
+        float(glr[best]), float(glr[best]) - paid, 2.0 * float(glr[best]),
+        ground, best, glr, np.linalg.det(a),
+    )  # fmt: skip
+
+
+def fit_noise(ground: Ground, hypothesis: Hypothesis) -> Fit:
+    """The most likely onset and factor of a change of noise."""
+    spread = fit_spread(ground)
+    return Fit(
+        hypothesis, spread.onset, np.array([spread.factor]), np.array([[spread.factor_var]]), spread.glr,
+        spread.glr - PARAMETER - float(np.log(len(spread.curve))), spread.removed,
+        ground, int(np.searchsorted(ground.entries, spread.onset)), spread.curve, np.ones(len(spread.curve)),
+    )  # fmt: skip
+
+
+def scan(response: Response, hypotheses: Iterable[Hypothesis]) -> list[Fit]:
+    """Every hypothesis at its most likely onset, the best score first; those without a reading are left out."""
+    grounds: dict[tuple[Place, tuple[int, ...]], Ground] = {}
+    fits: list[Fit] = []
+    for hypothesis in hypotheses:
+        suspects = [suspect for part in hypothesis.parts for suspect in part]
+        driven = tuple(sorted({suspect.channel for suspect in suspects if suspect.is_input}))
+        where = (hypothesis.place, driven)
+        if where not in grounds:
+            grounds[where] = ground_of(response, *where)
+        if len(grounds[where].entries):
+            fit = fit_noise if hypothesis.kind is Kind.NOISE else fit_signature
+            fits.append(fit(grounds[where], hypothesis))
+    return sorted(fits, key=lambda fit: -fit.score)

@@ -1,0 +1,231 @@
+"""Isolation: who is wrong? One sensor, a group with a common fault, a set that cannot be told apart, or the model.
+
+Each place (a sensor, or a group) pleads with its best explanation. The best place is named when it beats every other by
+the margin. Where it does not, the question is whether waiting can help, and that is computed, not guessed: both
+explanations are carried on into the readings the window can still hold (half a window at least). If even they would
+not part the two, the answer is the ambiguous set; else: ask again later. Where the two look the same in the long run and only the
+first moments after the onset tell them apart, much more is demanded, as that evidence stands and falls with the
+assumption of a sudden onset.
+
+An explanation must also explain: if what it leaves over is more than noise, faults of any shape in one sensor, then two
+faults at once, and at last the model are tried.
+
+Source: Willsky & Jones 1976; Nikiforov 1995 for the margin; theory: Schur complements of the information, so that a
+sensor is told from another exactly as well as its fault is seen without the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+
+from fusiond.faults.disturbance import model_score
+from fusiond.faults.forecast import separate
+from fusiond.faults.glr import Fit, scan
+from fusiond.faults.ground import free
+from fusiond.faults.hypotheses import Hypothesis, Place
+from fusiond.faults.kinds import Choice, choose_kind
+from fusiond.faults.response import Response
+from fusiond.types import Kind
+
+
+class Outcome(IntEnum):
+    """What isolation found."""
+
+    NOTHING = 0
+    """nothing explains the window better than no fault does"""
+    UNDECIDED = 1
+    """more readings will tell"""
+    ONE = 2
+    GROUP = 3
+    """several sensors share one fault of one size"""
+    AMBIGUOUS = 4
+    """no reading to come tells these places apart"""
+    MODEL = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """How sure isolation must be, in log likelihood.
+
+    Args:
+        place: of the named place over every other.   sudden: the same where only the first moments after the onset
+            tell the two apart.   alike: squared sine of two signatures' angle below which they will look the same.
+        misfit: standard deviations by which what is left over may exceed noise.
+    """
+
+    place: float = math.log(100.0)
+    sudden: float = math.log(1e6)
+    alike: float = 0.02
+    misfit: float = 4.5
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What isolation found.
+
+    Args:
+        sensors: the one named, the group, or all that may be it.   fit: best explanation at the best place.
+        choice: which kind, and which kinds it may also be.   margin: log likelihood over the best other place.
+        confidence: probability of the named place (or set), all having been equally likely before.
+        fits: explains all but noise.   also: a second fault at the same time.
+    """
+
+    outcome: Outcome
+    sensors: Place
+    fit: Fit | None
+    choice: Choice
+    margin: float
+    confidence: float
+    fits: bool = True
+    also: Fit | None = None
+
+
+def isolate(response: Response, hypotheses: Sequence[Hypothesis], margins: Margins | None = None) -> Finding:
+    """Weigh every hypothesis over the window.
+
+    Args:
+        response: of the window.   hypotheses: of `catalogue`.   margins: defaults where None.
+    """
+    margins = margins or Margins()
+    fits = scan(response, hypotheses)
+    nothing = Finding(Outcome.NOTHING, (), None, Choice(Kind.NONE), 0.0, 0.0)
+    if not fits or fits[0].score <= 0.0:
+        return nothing
+    best = fits[0]
+    places = _best_of_places(fits)
+    model = model_score(response) if len(np.unique(response.sensor)) > 1 else -math.inf
+    if model - best.score >= margins.place:
+        return replace(
+            nothing,
+            outcome=Outcome.MODEL,
+            fit=best,
+            margin=model - best.score,
+            confidence=_share([model], places),
+        )
+    surplus = _surplus(response, best.onset, best.removed, len(best.size))
+    if surplus > margins.misfit:
+        return _unexplained(response, hypotheses, fits, margins)
+    return _decide(fits, places, model, margins)
+
+
+def _best_of_places(fits: Sequence[Fit]) -> list[Fit]:
+    """The best explanation of each place, best first."""
+    found: dict[Place, Fit] = {}
+    for fit in fits:
+        found.setdefault(fit.place, fit)
+    return list(found.values())
+
+
+def _share(named: Sequence[float], places: Sequence[Fit]) -> float:
+    """Probability of the named scores among all places and no fault at all."""
+    scores = np.array([*(fit.score for fit in places), 0.0])
+    top = max(float(np.max(scores)), *named)
+    weight = math.fsum(math.exp(score - top) for score in named)
+    return weight / (
+        math.fsum(np.exp(scores - top)) + sum(math.exp(s - top) for s in named if s not in scores)
+    )
+
+
+def _surplus(response: Response, onset: int, removed: float, fitted: int) -> float:
+    """Standard deviations by which the squares left over since the onset exceed those of noise (Wilson & Hilferty)."""
+    since = response.entry >= onset
+    n = int(np.sum(since)) - fitted
+    if n <= 0:
+        return 0.0
+    left = max(float(np.sum(response.e[since] ** 2)) - removed, 0.0)
+    return ((left / n) ** (1.0 / 3.0) - (1.0 - 2.0 / (9.0 * n))) / math.sqrt(2.0 / (9.0 * n))
+
+
+def _demand(best: Fit, rival: Fit, margin: float, margins: Margins) -> tuple[float, bool]:
+    """Margin needed of `best` over `rival`, and whether readings to come can bring it."""
+    if Kind.NOISE in (best.kind, rival.kind):
+        return margins.place, True
+    response = best.ground.response
+    apart = separate(best, rival, max(best.onset, rival.onset, len(response) // 2))
+    persists = apart.strength >= 1.0
+    needed = margins.sudden if persists and apart.sine2 < margins.alike else margins.place
+    return needed, margin + apart.gain + 2.0 * math.sqrt(2.0 * apart.gain) >= needed
+
+
+def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: Margins) -> Finding:
+    """Name the best place, the set, or nobody yet."""
+    best = places[0]
+    choice = choose_kind([fit for fit in fits if fit.place == best.place])
+    rivals = places[1:]
+    margin = min([best.score - rival.score for rival in rivals] + [best.score, best.score - model])
+    standing, hope = [best], best.score - model < 0.0
+    for rival in rivals:
+        ahead = best.score - rival.score
+        if ahead >= margins.sudden:
+            continue
+        needed, can_part = _demand(best, rival, ahead, margins)
+        if ahead < needed:
+            standing.append(rival)
+            hope = hope or can_part
+    sensors = tuple(sorted({sensor for fit in standing for sensor in fit.place}))
+    confidence = _share([fit.score for fit in standing], places)
+    outcome = Outcome.ONE if len(best.place) == 1 else Outcome.GROUP
+    if len(standing) > 1:
+        outcome = Outcome.UNDECIDED if hope else Outcome.AMBIGUOUS
+    elif hope or choice.kind is Kind.NONE:
+        outcome = Outcome.UNDECIDED
+    return Finding(outcome, sensors, best, choice, margin, confidence)
+
+
+def _unexplained(
+    response: Response, hypotheses: Sequence[Hypothesis], fits: Sequence[Fit], margins: Margins
+) -> Finding:
+    """No single explanation suffices: a fault of any shape in one sensor, two faults, or the model."""
+    places = _best_of_places(fits)
+    onset = min(fit.onset for fit in places if fit.score > 0.5 * places[0].score)
+    alone = [fit for fit in places if _surplus(response, onset, *free(fit.ground, onset)) <= margins.misfit]
+    if alone:
+        outcome = (
+            (Outcome.ONE if len(alone[0].place) == 1 else Outcome.GROUP)
+            if len(alone) == 1
+            else Outcome.UNDECIDED
+        )
+        sensors = tuple(sorted({sensor for fit in alone for sensor in fit.place}))
+        choice = choose_kind([fit for fit in fits if fit.place == alone[0].place])
+        ahead = alone[0].score - max((fit.score for fit in places if fit is not alone[0]), default=0.0)
+        return Finding(
+            outcome, sensors, alone[0], choice, ahead, _share([alone[0].score], places), fits=False
+        )
+    best = places[0]
+    choice = choose_kind([fit for fit in fits if fit.place == best.place])
+    also = _second(response, hypotheses, best)
+    if also is not None:
+        left = _pair(response, best, also)
+        if (
+            _surplus(response, min(best.onset, also.onset), left, len(best.size) + len(also.size))
+            <= margins.misfit
+        ):
+            sensors = tuple(sorted({*best.place, *also.place}))
+            return Finding(
+                Outcome.ONE, best.place, best, choice, 0.0, _share([best.score], places), also=also
+            )
+    sensors = tuple(sorted({sensor for fit in places for sensor in fit.place}))
+    return Finding(Outcome.MODEL, sensors, best, choice, 0.0, 0.0, fits=False)
+
+
+def _second(response: Response, hypotheses: Sequence[Hypothesis], first: Fit) -> Fit | None:
+    """The best explanation, elsewhere, of what the first leaves over; None where nothing is left."""
+    if first.kind is Kind.NOISE:
+        return None
+    e = response.e - first.basis() @ first.size
+    rest = replace(response, e=e, matched=response.impulses.T @ e)
+    elsewhere = [h for h in hypotheses if not set(h.place) & set(first.place)]
+    fits = scan(rest, elsewhere)
+    return fits[0] if fits and fits[0].score > 0.0 and fits[0].kind is not Kind.NOISE else None
+
+
+def _pair(response: Response, first: Fit, second: Fit) -> float:
+    """What two faults together explain of e'e."""
+    both = np.concatenate((first.basis(), second.basis()), axis=1)
+    fitted = both @ np.linalg.lstsq(both, response.e, rcond=1e-12)[0]
+    return float(fitted @ fitted)

@@ -1,0 +1,68 @@
+"""Which kind of fault: left open until the likelihoods part.
+
+A change of noise, a spike and a lasting error (bias, drift, scale, delay) are told apart by a margin of ln 100, as the
+reactions differ; until then the kind stays open. Among lasting errors the simplest, bias, is named until another
+explains more by `SHAPE`; what lies closer than that is listed beside the one named.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fusiond.faults.glr import Fit
+from fusiond.types import Kind
+
+FAMILY = math.log(100.0)
+"""Log likelihood between families of kinds that react differently."""
+SHAPE = 2.0
+"""Score by which another lasting error must outdo a bias to be named instead; one closer than that is listed beside."""
+LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE, Kind.DELAY)
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The kind named, NONE while open; what it may also be; the fit of the kind named; margin over other families."""
+
+    kind: Kind
+    alternatives: tuple[Kind, ...] = ()
+    fit: Fit | None = None
+    margin: float = 0.0
+
+
+def _lasting(best: dict[Kind, Fit]) -> tuple[Fit, tuple[Kind, ...]] | None:
+    """The lasting error to name, and those that may be it as well."""
+    found = [best[kind] for kind in LASTING if kind in best]
+    if not found:
+        return None
+    top = max(found, key=lambda fit: fit.score)
+    bias = best.get(Kind.BIAS)
+    named = bias if bias is not None and top.score - bias.score <= SHAPE else top
+    close = tuple(fit.kind for fit in found if fit is not named and named.score - fit.score <= SHAPE)
+    return named, close
+
+
+def choose_kind(fits: Sequence[Fit]) -> Choice:
+    """Name the kind of a fault in one place.
+
+    Args:
+        fits: of that place, the best score first.
+    """
+    best: dict[Kind, Fit] = {}
+    for fit in fits:
+        best.setdefault(fit.kind, fit)
+    lasting = _lasting(best)
+    families: list[tuple[float, Fit, tuple[Kind, ...]]] = [
+        (best[kind].score, best[kind], ()) for kind in (Kind.NOISE, Kind.SPIKE) if kind in best
+    ]
+    if lasting is not None:
+        top = max(best[kind].score for kind in LASTING if kind in best)
+        families.append((top, *lasting))
+    families.sort(key=lambda family: -family[0])
+    score, fit, close = families[0]
+    margin = score - families[1][0] if len(families) > 1 else score
+    if margin < FAMILY:
+        open_kinds = tuple(f.kind for s, f, _ in families if score - s < FAMILY)
+        return Choice(Kind.NONE, open_kinds + close, fit, margin)
+    return Choice(fit.kind, close, fit, margin)

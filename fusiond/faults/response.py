@@ -1,0 +1,149 @@
+"""Response: what a unit error of one reading, or of an input over one interval, does to every later innovation.
+
+An error f of raw channel k in one reading and the error eps it has caused in the estimate so far reach the scalar
+innovations of the sequential update, c = 1, 2, ..., as
+
+    rho_c = D[c, k] f - H_c eps,     w_c = rho_c / root_c,     eps <- eps + K_c rho_c,
+
+and the next entry through eps <- T eps (+ B g for an input that is wrong by g meanwhile). The running filter is linear
+in eps, so every fault is a sum of such impulses: one matrix of their responses serves every hypothesis and every onset.
+
+Source: Willsky & Jones 1976 (signatures by recursion); the filter's own gains, so exact in transients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusiond.numerics.ud import Matrix, Vector
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Each entry of a window as one linear step of the error of the estimate, errors of its reading beside it.
+
+    With eps before the interval, f the error of the reading (raw channels), g that of the inputs over the interval:
+    w = from_error eps + from_reading f + from_input g,   eps <- error eps + reading f + input g.
+
+    Args:
+        from_error: (W, m, n).   from_reading: (W, m, m).   from_input: (W, m, k).   error: (W, n, n).
+        reading: (W, n, m).   input: (W, n, k).   Rows beyond an entry's dof are zero.
+    """
+
+    from_error: Matrix
+    from_reading: Matrix
+    from_input: Matrix
+    error: Matrix
+    reading: Matrix
+    input: Matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """A window seen as rows (scalar innovations) and columns (impulses), both oldest first.
+
+    Args:
+        t_ns: (W,) stamps.   t_s: the same in seconds since the first.   sensor, dof: (W,).
+        entry: (E,) entry of each row.   e: (E,) whitened innovations.   r: (E,) variance of each row's own noise.
+        impulses: (E, J).   gram: (J, J) their inner products.   matched: (J,) their products with e.
+        carried: (n, J) error of the estimate each impulse has caused by the window's end.
+        raw: (W, m) column of an error of each raw channel;   held: (W, k) of each input; -1: none.
+        h, hdot: (W, m) predicted raw reading and its rate, 1/s.   D: (W, m, m).   steps: as above.
+    """
+
+    t_ns: Integers
+    t_s: Vector
+    sensor: Integers
+    dof: Integers
+    entry: Integers
+    e: Vector
+    r: Vector
+    impulses: Matrix
+    gram: Matrix
+    matched: Vector
+    carried: Matrix
+    raw: Integers
+    held: Integers
+    h: Matrix
+    hdot: Matrix
+    D: Matrix
+    steps: Steps
+
+    def __len__(self) -> int:
+        """Entries of the window."""
+        return len(self.t_ns)
+
+
+def steps_of(window: NDArray[Any]) -> Steps:
+    """Fold each entry's sequential scalar updates, and the interval before them, into one step."""
+    W, m, n = window["H"].shape
+    exists = np.arange(m) < window["dof"][:, None]
+    H = window["H"] * exists[:, :, None]
+    K = window["K"] * (exists & (window["used"] != 0)[:, None])[:, :, None]
+    D = window["D"] * (exists[:, :, None] & exists[:, None, :])
+    root = np.where(exists & (window["root"] > 0.0), window["root"], np.inf)
+    kept: Matrix = np.broadcast_to(np.eye(n), (W, n, n)).copy()
+    reading: Matrix = np.zeros((W, n, m))
+    rho_error: Matrix = np.zeros((W, m, n))
+    rho_reading: Matrix = np.zeros((W, m, m))
+    for c in range(m):
+        rho_error[:, c] = -np.einsum("wi,wij->wj", H[:, c], kept)
+        rho_reading[:, c] = D[:, c] - np.einsum("wi,wij->wj", H[:, c], reading)
+        kept += K[:, c, :, None] * rho_error[:, c, None, :]
+        reading += K[:, c, :, None] * rho_reading[:, c, None, :]
+    rho_error /= root[:, :, None]
+    rho_reading /= root[:, :, None]
+    T, B = window["T"], window["B"]
+    return Steps(rho_error @ T, rho_reading, rho_error @ B, kept @ T, reading, kept @ B)
+
+
+def noise_variances(window: NDArray[Any]) -> Matrix:
+    """(W, m) variance of each scalar channel's own noise: S (1 - H K), as K = P H'/S; S where it was not used."""
+    S = window["root"] ** 2
+    share = 1.0 - np.einsum("wci,wci->wc", window["H"], window["K"])
+    return S * np.clip(share, 1e-12, 1.0)
+
+
+def _impulses(steps: Steps, dof: Integers, inputs: int) -> tuple[Matrix, Matrix, Integers]:
+    """(E, J) responses, (n, J) errors they leave, and the first column of each entry: its inputs, then its channels."""
+    wide = inputs + dof
+    first = np.concatenate(([0], np.cumsum(wide)))
+    row = np.concatenate(([0], np.cumsum(dof)))
+    X: Matrix = np.zeros((row[-1], first[-1]))
+    phi: Matrix = np.zeros((steps.error.shape[1], first[-1]))
+    for k in range(len(dof)):
+        d, lo, mid, hi = dof[k], first[k], first[k] + inputs, first[k + 1]
+        rows = slice(row[k], row[k + 1])
+        np.matmul(steps.from_error[k, :d], phi[:, :lo], out=X[rows, :lo])
+        phi[:, :lo] = steps.error[k] @ phi[:, :lo]
+        X[rows, lo:mid], X[rows, mid:hi] = steps.from_input[k, :d, :inputs], steps.from_reading[k, :d, :d]
+        phi[:, lo:mid], phi[:, mid:hi] = steps.input[k, :, :inputs], steps.reading[k, :, :d]
+    return X, phi, first[:-1]
+
+
+def respond(window: NDArray[Any], inputs: int = 0) -> Response:
+    """Follow a unit error of every reading, and of every input over every interval, through a window.
+
+    Args:
+        window: (W,) entries of `window_dtype`, oldest first.   inputs: how many inputs may be wrong, numbered from 0.
+    """
+    steps = steps_of(window)
+    dof = window["dof"].astype(np.int64)
+    m = window["e"].shape[1]
+    X, phi, first = _impulses(steps, dof, inputs)
+    channel = np.arange(m)
+    exists = channel < dof[:, None]
+    raw = np.where(exists, (first + inputs)[:, None] + channel, -1)
+    held = first[:, None] + np.arange(inputs)
+    t_ns, e = window["t_ns"].astype(np.int64), window["e"][exists]
+    return Response(
+        t_ns, (t_ns - t_ns[0]) * 1e-9, window["sensor"].astype(np.int64), dof, np.repeat(np.arange(len(dof)), dof),
+        e, noise_variances(window)[exists], X, X.T @ X, X.T @ e, phi, raw, held, window["h"], window["hdot"],
+        window["D"], steps,
+    )  # fmt: skip
