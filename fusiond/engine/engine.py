@@ -129,8 +129,8 @@ class Engine:
     def guard(self) -> dict[str, float]:
         """What the guard of the covariance met so far; empty where the recursion needs none.
 
-        `repairs`, of which `unsound` were not enough; `largest`: the largest change, in the repaired standard
-        deviations; `condition`: the largest condition number of the correlations.
+        `repairs`, of which `unsound` were not enough; `largest`, `last`: the largest and the last change, in the
+        repaired standard deviations; `condition`: the largest condition number of the correlations.
         """
         if not self.layout.plain:
             return {}
@@ -139,6 +139,7 @@ class Engine:
             "repairs": "repairs",
             "unsound": "unsound",
             "largest": "repair_size",
+            "last": "repair_last",
             "condition": "condition",
         }
         return {name: float(track[field]) for name, field in names.items()}

@@ -279,7 +279,7 @@ class Daemon:
             epoch=self.epoch, uptime_s=(self.clock.now_ns() - self.started_ns) / 1e9,
             resets=self._resets.item(), counters=self._counters,
             decoder=self._decoder, watch=self._watch, mailbox=self.mailbox, latest=self._outputs.latest,
-            parity=self._locals.status(),
+            parity=self._locals.status(), repairs=self.engine.repairs, guard=self.engine.guard(),
             state_sha256=self.engine.state_sha256(),
             recorder=self._recorder,
         ) | {"role": self.settings.role, "nodes": self._nodes.status()}  # fmt: skip

@@ -30,9 +30,13 @@ def sensors_status(counters: Counters, decoder: Decoder, watch: HealthWatch) -> 
 def status(
     *, config: Any, mode: str, endpoints: tuple[str, ...], epoch: int, uptime_s: float, resets: int,
     counters: Counters, decoder: Decoder, watch: HealthWatch, mailbox: Mailbox, latest: Any,
-    parity: dict[str, Any], state_sha256: str, recorder: Any,
+    parity: dict[str, Any], repairs: int, guard: dict[str, float], state_sha256: str, recorder: Any,
 ) -> dict[str, Any]:  # fmt: skip
-    """The daemon's account of itself."""
+    """The daemon's account of itself.
+
+    Args:
+        repairs, guard: what the guard of the covariance did and met (`Engine.guard`; empty where none is needed).
+    """
     recording = None if recorder is None else {"dropped": dict(recorder.dropped), "error": recorder.error}
     return {
         "version": __version__,
@@ -52,6 +56,8 @@ def status(
         "queue": {"waiting": len(mailbox), "capacity": mailbox.capacity, "dropped": mailbox.dropped},
         "estimate": latest,
         "parity": parity,
+        "repairs": repairs,
+        "guard": guard,
         "state_sha256": state_sha256,
         "recording": recording,
     }

@@ -15,8 +15,9 @@ DRAWS = 64
 def plain_track_dtype(shape: Shape) -> np.dtype[Any]:
     """Everything the estimator remembers. Row 0 is the estimate; further rows are one sensor's own filter each.
 
-    repairs, unsound: covariances repaired, and those a repair left unsound; repair_size: the largest change, in the
-    repaired standard deviations; condition: the largest condition number met. drawn: next row of design.draws.
+    repairs, unsound: covariances repaired, and those a repair left unsound; repair_size, repair_last: the largest and
+    the last change, in the repaired standard deviations; condition: the largest condition number met. drawn: next row
+    of design.draws.
     batch_*: the readings of one stamp and the estimate before them (topologies that fuse them together).
     honest: true covariance of an update that misreports its own (seed_averaged).
     """
@@ -27,7 +28,8 @@ def plain_track_dtype(shape: Shape) -> np.dtype[Any]:
         ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, n)), ("P", "<f8", (f, n, n)),
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
-        ("repairs", "<i8"), ("unsound", "<i8"), ("repair_size", "<f8"), ("condition", "<f8"), ("drawn", "<i8"),
+        ("repairs", "<i8"), ("unsound", "<i8"), ("repair_size", "<f8"), ("repair_last", "<f8"), ("condition", "<f8"),
+        ("drawn", "<i8"),
         ("batch_size", "<i8"), ("batch_t_ns", "<i8"), ("batch_x", "<f8", (n,)), ("batch_P", "<f8", (n, n)),
         ("batch_honest", "<f8", (n, n)), ("batch_has", "<i8", (s,)), ("batch_nu", "<f8", (s, m)),
         ("batch_H", "<f8", (s, m, n)), ("batch_R", "<f8", (s, m, m)), ("honest", "<f8", (n, n)),

@@ -21,7 +21,7 @@ INVERTS = RECURSION == "seed"
 
 
 def guarded(track: Any, design: Any, P: Matrix, before: Matrix, *, regular: bool = False) -> Matrix:
-    """P, repaired where it is not sound. Writes track.repairs, unsound, repair_size, condition, drawn.
+    """P, repaired where it is not sound. Writes track.repairs, unsound, repair_*, condition, drawn.
 
     Args:
         before: (n, n) the last covariance known to be sound.   regular: it is about to be inverted.
@@ -37,6 +37,7 @@ def guarded(track: Any, design: Any, P: Matrix, before: Matrix, *, regular: bool
     track.repairs += 1
     track.unsound += not fixed.sound
     track.repair_size = max(track.repair_size, fixed.size)
+    track.repair_last = fixed.size
     return fixed.P
 
 
