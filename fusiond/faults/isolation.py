@@ -3,7 +3,8 @@
 Each place (a sensor, or a group) pleads with its best explanation. The best place is named when it beats every other by
 the margin. Where it does not, the question is whether waiting can help, and that is computed, not guessed: both
 explanations are carried on into the readings the window can still hold (half a window at least). If even they would
-not part the two, the answer is the ambiguous set; else: ask again later. Where the two look the same in the long run and only the
+not part the two, the answer is the ambiguous set; else: ask again later. Where the two look the same in the long run
+and only the
 first moments after the onset tell them apart, much more is demanded, as that evidence stands and falls with the
 assumption of a sudden onset.
 
