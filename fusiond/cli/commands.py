@@ -29,7 +29,15 @@ Connect = Annotated[
 Listen = Annotated[
     list[str] | None, typer.Option("--listen", help="Endpoint to listen on; port 0 picks one.")
 ]
-Seed = Annotated[int, typer.Option(help="Of everything random.")]
+Seed = Annotated[int, typer.Option(help="Of everything random.", min=0)]
+Inject = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--inject",
+        metavar="SPEC",
+        help="A fault: SENSOR[.CHANNEL].KIND[=SIZE]@START[+DURATION], e.g. gps.bias=5@10+3. May be repeated.",
+    ),
+]
 Part = Annotated[
     str | None, typer.Option("--as", help="Run one machine's part: a node of service.nodes, or center.")
 ]
@@ -61,13 +69,14 @@ def _options(
 def demo(
     name: Annotated[str, typer.Argument(help="A simulated system: minicar, birotor.")] = "minicar",
     for_s: Annotated[float, typer.Option("--for", help="Seconds.", min=1.0)] = 30.0,
+    inject: Inject = None,
     as_json: Json = False,
     seed: Seed = 0,
 ) -> None:
     """Start a simulated plant, its sensors and the real daemon on loopback; watch them; end with a verdict."""
     from fusiond.demo import run_demo
 
-    raise typer.Exit(run_demo(name, for_s, as_json, seed))
+    raise typer.Exit(run_demo(name, for_s, as_json, seed, inject or ()))
 
 
 @app.command()
@@ -118,6 +127,8 @@ def replay(
     smooth: Annotated[
         bool, typer.Option("--smooth", help="Also what the whole recording says of every moment.")
     ] = False,
+    inject: Inject = None,
+    seed: Seed = 0,
     as_json: Json = False,
     part: Part = None,
 ) -> None:
@@ -133,6 +144,8 @@ def replay(
         out=out,
         config_text=config.read_text(encoding="utf-8"),
         smooth=smooth,
+        inject=inject or (),
+        seed=seed,
     )
     if as_json:
         _emit(result)

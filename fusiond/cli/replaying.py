@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
 
 from fusiond.assembly.assembly import Assembly
 from fusiond.cli.views import counting, working
@@ -16,16 +19,27 @@ from fusiond.recording.mcap_writer import McapWriter
 from fusiond.recording.replay import replay
 from fusiond.recording.truth import Truth, read_truth
 
+if TYPE_CHECKING:
+    from fusiond.demo.injecting import Injected
+
 
 def replay_log(
     assembly: Assembly, log: Path, *, truth: Path | None, out: Path | None, config_text: str, smooth: bool = False,
+    inject: Sequence[str] = (), seed: int = 0,
 ) -> dict[str, Any]:  # fmt: skip
-    """Replay one log; returns the object of `replay --json`. Raises LogError, ConfigError."""
+    """Replay one log; returns the object of `replay --json`. Raises LogError, ConfigError.
+
+    Args:
+        inject: faults the recorded sensors shall have, as specifications.      seed: of what is random in them.
+    """
     if out is not None and out.exists() and log.exists() and out.samefile(log):
         raise ConfigError(f"--out: {out} is the log itself; name another file")
     layout, estimate_hz = assembly.layout, assembly.config.recording.estimate_hz
     angles = {slot.name for slot in (*layout.states, *layout.outputs) if slot.unit == "rad"}
     source = open_log(log, layout)
+    lies = _lying(source, assembly, inject, seed)
+    if lies is not None:
+        config_text = f"{lies.note}{config_text}"
     known = read_truth(truth, angles) if truth else None
     with ExitStack() as closing:
         smoothing = closing.enter_context(Smoothing(assembly)) if smooth else None
@@ -38,7 +52,7 @@ def replay_log(
         with counting(f"replay {log.name}") as progress:
             result = replay(
                 engine,
-                source,
+                source if lies is None else lies,
                 truth=known,
                 writer=writer,
                 progress=progress,
@@ -46,7 +60,21 @@ def replay_log(
                 estimate_hz=estimate_hz,
                 witness=smoothing.smoother.witness if smoothing else None,
             ).json_object()
+        if lies is not None:
+            result["injected"] = {"faults": [str(fault) for fault in lies.faults], "seed": seed}
+            result["warnings"] += lies.warnings
         return smoothing.add_to(result, engine, known, writer) if smoothing else result
+
+
+def _lying(
+    log: Iterable[NDArray[Any]], assembly: Assembly, inject: Sequence[str], seed: int
+) -> Injected | None:
+    """The log as lying sensors would have filled it; None where none shall lie. Raises ConfigError."""
+    if not inject:
+        return None
+    from fusiond.demo.injecting import inject_into
+
+    return inject_into(log, assembly, inject, seed)
 
 
 class Smoothing:
