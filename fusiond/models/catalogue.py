@@ -14,12 +14,14 @@ from fusiond.models import (
     planar_constant_velocity,
     planar_robot,
     single_track,
+    slipping_robot,
     strapdown,
 )
 from fusiond.models.sensors import (
     attitude,
     barometer,
     beacon_range,
+    body_gyro,
     direct,
     gnss_position,
     gnss_velocity,
@@ -30,6 +32,7 @@ from fusiond.models.sensors import (
     radar,
     tracklet,
     vehicle_course,
+    wheel_pair,
     wheel_speed,
     wheel_velocity,
     yaw_rate,
@@ -47,6 +50,7 @@ PROCESSES: dict[str, ModuleType] = {
     "planar_constant_velocity": planar_constant_velocity,
     "planar_robot": planar_robot,
     "single_track": single_track,
+    "slipping_robot": slipping_robot,
     "strapdown": strapdown,
 }
 
@@ -54,6 +58,7 @@ SENSORS: dict[str, ModuleType] = {
     "attitude": attitude,
     "barometer": barometer,
     "beacon_range": beacon_range,
+    "body_gyro": body_gyro,
     "direct": direct,
     "gnss_position": gnss_position,
     "gnss_velocity": gnss_velocity,
@@ -65,6 +70,7 @@ SENSORS: dict[str, ModuleType] = {
     "radar": radar,
     "tracklet": tracklet,
     "vehicle_course": vehicle_course,
+    "wheel_pair": wheel_pair,
     "wheel_speed": wheel_speed,
     "wheel_velocity": wheel_velocity,
     "yaw_rate": yaw_rate,

@@ -38,6 +38,8 @@ SYSTEMS: dict[str, System] = {
     "reference_plant": System(systems.reference_plant, 100.0),
     "constant_velocity": System(systems.constant_velocity, 100.0),
     "planar": System(systems.planar, 60.0),
+    "square_robot": System(systems.square_robot, 22.0),
+    "square_robot_gyro": System(systems.square_robot_gyro, 22.0),
 }
 
 

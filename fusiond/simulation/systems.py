@@ -18,6 +18,8 @@ from fusiond.simulation.faults_injection import Injection, Measured
 from fusiond.simulation.linear_plants import ConstantVelocityPlant, ReferencePlant
 from fusiond.simulation.planar import PlanarState, PlanarVehicle
 from fusiond.simulation.plants import PointState, wall_robot_position
+from fusiond.simulation.square_robot import Sensors as SquareSensors
+from fusiond.simulation.square_robot import run as run_square
 from fusiond.simulation.streams import stream
 from fusiond.simulation.tables import Floats, Reading, Times, Truth, stamps
 from fusiond.types import NANOSECONDS
@@ -175,6 +177,23 @@ def planar(
     truth_names = ("x", "y", "yaw", "speed", "yaw_rate", "gyro_bias", "vx", "vy")
     sent = _sent(readings, lies([sensor.measured for sensor in on_board]))
     return sent, Truth(t_ns[::every], truth_names, columns[::every])
+
+
+def square_robot(seed: int, duration_ns: int, lies: Lies = honest) -> Made:
+    """Seed 003: at rest for 5 s, then round a square of 3 m in 16 s."""
+    return _square(seed, duration_ns, lies, ("accelerometer", "encoders"))
+
+
+def square_robot_gyro(seed: int, duration_ns: int, lies: Lies = honest) -> Made:
+    """The same robot with a gyro; what the others read is the same."""
+    return _square(seed, duration_ns, lies, ("accelerometer", "encoders", "gyro"))
+
+
+def _square(seed: int, duration_ns: int, lies: Lies, names: Sequence[str]) -> Made:
+    readings, truth = run_square(seed, duration_ns)
+    std = SquareSensors().std
+    aboard = [Measured(name, len(std(name)), sigma=std(name)) for name in names]
+    return _sent([reading for reading in readings if reading.sensor in names], lies(aboard)), truth
 
 
 def _outputs(seed: int, t_ns: Times, exact: Floats, variances: Sequence[float]) -> list[Reading]:

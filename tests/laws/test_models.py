@@ -84,10 +84,10 @@ OBSERVED = {
 }
 """What every kind of sensor is tried with: a process model, its parameters, and a reading that carries its index."""
 ON_A_MANIFOLD = {
-    "attitude", "barometer", "gnss_position", "gnss_velocity", "magnetic_field", "vehicle_course", "wheel_velocity",
-    "zero_velocity",
+    "attitude", "barometer", "body_gyro", "gnss_position", "gnss_velocity", "magnetic_field", "vehicle_course",
+    "wheel_pair", "wheel_velocity", "zero_velocity",
 }  # fmt: skip
-"""Sensors of a state that is no vector: tests/laws/test_strapdown.py."""
+"""Sensors of a state that is no vector: tests/laws/test_strapdown.py and test_slipping_robot.py."""
 
 
 def on_circle(difference):
@@ -153,7 +153,7 @@ def test_a_sensors_jacobian_is_the_derivative_of_its_reading(case, seed):
 
 def test_every_built_in_process_is_tried():
     discretised = {"driven_point_mass", "driven_position", "linear", "planar_constant_velocity"}
-    assert discretised | set(NONLINEAR) | {"strapdown"} == set(PROCESSES)
+    assert discretised | set(NONLINEAR) | {"slipping_robot", "strapdown"} == set(PROCESSES)
 
 
 @pytest.mark.parametrize("kind", NONLINEAR)
