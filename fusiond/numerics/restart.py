@@ -15,6 +15,7 @@ Test: tests/calibration/test_cusum.py (equal to the exact CUSUM where the shift 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,10 +123,10 @@ def _over(points: Vector, threshold: float, law: Steps) -> Vector:
     return over
 
 
-def run_length(
+def cycle(
     profile: Profile, size: float, threshold: float, dead_band: float = 0.0, single: float = SINGLE
-) -> float:
-    """Mean number of counted readings between alarms while nothing is wrong; infinite where there can be none.
+) -> tuple[float, float]:
+    """Counted readings of one cycle, on average, and the probability that it ends in the alarm.
 
     Args:
         size: of the fault tested for, in the profile's unit, > 0.
@@ -135,7 +136,7 @@ def run_length(
     steps = _steps(profile, size, dead_band, narrowest)
     tail = _tail(profile, size, dead_band, narrowest)
     if not steps:
-        return math.inf
+        return 1.0, 0.0
     points, weights = _grid(
         threshold, min(step.law.std for step in [*steps[1:], *([tail] if tail else []), steps[0]])
     )
@@ -152,7 +153,7 @@ def run_length(
     for step in steps[1:]:
         share = float(alive.sum())
         if share <= GONE * alarm:
-            return length / alarm
+            return length, alarm
         length += step.counts * share
         alarm += float(alive @ _over(points, threshold, step.law))
         alive = np.convolve(_density(lattice, step.law), alive, "valid") * weights
@@ -163,31 +164,37 @@ def run_length(
         left = np.linalg.solve(np.eye(len(points)) - kernel, alive)
         length += tail.counts * float(left.sum())
         alarm += float(left @ _over(points, threshold, tail.law))
-    return length / alarm if alarm > 0.0 else math.inf
+    return length, alarm
 
 
-def _log_run(profiles: list[Profile], size: float, h: float, dead_band: float) -> float:
-    """Logarithm of the run length where cycles of each profile are equally frequent."""
-    rate = sum(1.0 / run_length(profile, size, h, dead_band) for profile in profiles) / len(profiles)
-    return -math.log(rate) if rate > 0.0 else math.inf
-
-
-def threshold(profiles: list[Profile], size: float, wanted: float, dead_band: float = 0.0) -> float:
-    """Threshold of one size with this average run length in counted readings; at least SMALLEST.
+def run_length(
+    profiles: Sequence[Profile], size: float, threshold: float, dead_band: float = 0.0, single: float = SINGLE
+) -> float:
+    """Mean number of counted readings between alarms while nothing is wrong; infinite where there can be none.
 
     Args:
         profiles: of cycles that begin at different places of the sensors' pattern, each as often as the others.
+        size, threshold, dead_band, single: as in `cycle`.
+    """
+    cycles = [cycle(profile, size, threshold, dead_band, single) for profile in profiles]
+    alarm = sum(probability for _, probability in cycles)
+    return sum(length for length, _ in cycles) / alarm if alarm > 0.0 else math.inf
+
+
+def threshold(profiles: Sequence[Profile], size: float, wanted: float, dead_band: float = 0.0) -> float:
+    """Threshold of one size with this average run length in counted readings; at least SMALLEST.
+
+    Args:
+        profiles: as in `run_length`.
     """
     target = math.log(wanted)
     low, high = SMALLEST, target + 3.0
     h = max(target - 2.2, 2.0 * SMALLEST)
     for _ in range(12):
-        error = _log_run(profiles[:1], size, h, dead_band) - target
+        error = math.log(run_length(profiles, size, h, dead_band)) - target
         if abs(error) < CLOSE or high - low < CLOSE:
             break
         low, high = (low, h) if error > 0.0 else (h, high)
         newton = h - error
         h = newton if low < newton < high else 0.5 * (low + high)
-    if len(profiles) > 1:
-        h -= min(max(_log_run(profiles, size, h, dead_band) - target, -1.0), 1.0)
     return max(h, SMALLEST)
