@@ -56,8 +56,24 @@ class SensorSection(Section):
     """Longest healthy silence; by default three periods of rate_hz but at least 0.1 s; without a rate no limit."""
     delay_s: NotNegative = 0.0
     """How much later its stamps are than what it measured."""
+    group: str | None = None
+    """Sensors of one group may share one fault: one scale on all ranges, one delay of all that comes by radio."""
+    policy: Literal["auto", "exclude", "compensate"] = "auto"
+    """What is done with it when it is faulty: not used (exclude), or used with its error taken off (compensate);
+    auto: excluded where the other sensors still see every state, else compensated."""
     repeats: Literal["fresh", "held"] = "fresh"
     """Whether an equal value at a new time is fresh evidence, or a driver that repeats its last fix."""
+
+
+class FaultsSection(Section):
+    """Finding out which sensor lies, how, by how much and since when."""
+
+    mean_time_between_false_alarms_s: Positive = 36_000.0
+    """One promise for the whole service: every test's threshold is derived from it."""
+    profile: Literal["sharp", "robust"] = "sharp"
+    """sharp: noise is as declared, faults are found as early as can be. robust: it may be wrong by a third."""
+    window: Annotated[int, Field(ge=16)] = 128
+    """Readings of evidence kept for telling which sensor it is."""
 
 
 class InputSection(SensorSection):
@@ -67,6 +83,8 @@ class InputSection(SensorSection):
     """Makes it an input."""
     drives: list[str]
     """Inputs of the process model that its numbers set, in order."""
+    without_input_std: dict[str, NotNegative] = {}
+    """Standard deviation of each input, by its name with unit, about 0 while the sensor is silent or excluded."""
     hold: Literal["next", "previous"] = "next"
     """Whether a reading holds until the next one, or describes the interval that ends at its stamp."""
 
@@ -259,6 +277,8 @@ class Config(Section):
     fusion: FusionSection = FusionSection()
     history: HistorySection = HistorySection()
     health: HealthSection = HealthSection()
+    faults: FaultsSection | None = None
+    """Fault detection; without the section readings are screened and nothing more."""
     control: AnyControl | None = None
     """The control law; without it nothing is commanded."""
     service: ServiceSection = ServiceSection()
@@ -298,7 +318,8 @@ def _known_names() -> set[str]:
     """Every name that can stand before an equals sign."""
     sections: list[type[Section]] = [
         *_PROCESS_SECTIONS.values(), *_SENSOR_SECTIONS.values(), *_LAW_SECTIONS.values(), Config, InputSection,
-        InitialSection, FilterSection, FusionSection, HistorySection, HealthSection, ServiceSection, RecordingSection,
+        InitialSection, FilterSection, FusionSection, HistorySection, HealthSection, FaultsSection, ServiceSection,
+        RecordingSection,
     ]  # fmt: skip
     return {name for section in sections for name in section.model_fields}
 

@@ -80,6 +80,10 @@ class Verdict(Label):
     """stamped further ahead than the configured limit"""
     HELD = 9
     """repeats the value of a sensor that holds its last value between fixes: no fresh evidence"""
+    GATED = 10
+    """further from the prediction than noise explains: not used, but weighed as evidence of a fault"""
+    EXCLUDED = 11
+    """its sensor is thought faulty: not used, but watched for its return"""
     UNKNOWN_SENSOR = 20
     BAD_CRC = 21
     MALFORMED = 22
@@ -136,3 +140,36 @@ def seconds(t_ns: int) -> float:
 def nanoseconds(t_s: float) -> int:
     """Nearest integer number of nanoseconds of a time in seconds."""
     return round(t_s * NANOSECONDS)
+
+
+class Alarm(Label):
+    """Which test asks for judgement."""
+
+    NONE = 0
+    CELL = 1
+    """a cell of the bank: some fault's signature is in the innovations"""
+    VARIANCE = 2
+    POOLED = 3
+    WHITENESS = 4
+    FROZEN = 5
+    GARBAGE = 6
+    """readings that cannot be used keep coming"""
+    HEALED = 7
+    """an excluded sensor agrees with the estimate again"""
+    REVIEW = 8
+    """more readings have come for a case that was left open"""
+
+
+class Kind(Label):
+    """What is wrong with a sensor; a size stands beside it."""
+
+    NONE = 0
+    BIAS = 1
+    DRIFT = 2
+    STUCK = 3
+    SILENT = 4
+    NOISE = 5
+    SPIKE = 6
+    SCALE = 7
+    DELAY = 8
+    GARBAGE = 9

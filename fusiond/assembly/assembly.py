@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.assembly.design import design_of, layout_of
+from fusiond.assembly.detection import Detection
 from fusiond.assembly.jacobians import check_jacobians
 from fusiond.assembly.modules import require
 from fusiond.assembly.observability import require_observable
 from fusiond.assembly.package import import_package, source_of, step_sources, write_package
 from fusiond.assembly.plain import check_choices, plain_design, plain_sources
 from fusiond.assembly.resolve import Resolved, by_key, resolve
+from fusiond.assembly.watching import judge_of, watched, write_tests
 from fusiond.config import Config, read
 from fusiond.engine.engine import Derive, Engine
 from fusiond.engine.layout import Layout
@@ -34,12 +36,13 @@ class Assembly:
     """A configuration that holds together, ready to make engines.
 
     Args:
-        layout: what its records mean.   design: (1,) design record.
+        layout: what its records mean.   design: (1,) design record.   detection: its tests, None without them.
     """
 
     resolved: Resolved
     layout: Layout
     design: NDArray[np.void]
+    detection: Detection | None = None
 
     @property
     def config(self) -> Config:
@@ -66,7 +69,8 @@ class Assembly:
     def engine(self) -> Engine:
         """A fresh engine, before its first reading."""
         run = running(self.package.run) if self.layout.plain else self.package.run
-        return Engine(self.layout, self.design, self._desk(), run, self._derive())
+        judge = judge_of(self.resolved, self.layout, self.detection)
+        return Engine(self.layout, self.design, self._desk(), run, self._derive(), judge)
 
     def prepare(self) -> None:
         """Compile the step, or load it from the cache, before anybody waits for a reading."""
@@ -135,8 +139,11 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
             )
         check_jacobians(resolved)
         require_observable(resolved)
+    layout, detection = watched(resolved, layout)
     design = design_of(resolved, layout)
-    return Assembly(resolved, layout, plain_design(resolved, layout, design) if layout.plain else design)
+    write_tests(resolved, detection, design)
+    design = plain_design(resolved, layout, design) if layout.plain else design
+    return Assembly(resolved, layout, design, detection)
 
 
 def load(path: Path) -> Assembly:

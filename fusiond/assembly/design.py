@@ -194,6 +194,7 @@ def design_of(resolved: Resolved, layout: Layout) -> NDArray[np.void]:
     for number, sensor in enumerate(resolved.sensors):
         _sensor(resolved, number, record)
         record["heard"][number] = [row.hears_sensor(sensor.name) for row in layout.filters]
+    record["alone"] = [row.hears == "only" for row in layout.filters]
     record["step_ns"] = nanoseconds(process.step_s)
     record["max_step_ns"] = nanoseconds(process.max_step_s)
     record["horizon_ns"] = nanoseconds(config.history.horizon_s)

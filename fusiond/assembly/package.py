@@ -28,9 +28,11 @@ from fusiond.engine.step import sizes
 
 SWAPPED = (
     "process.py", "observe.py", "law.py", "sizes.py", "advance.py", "advance_nonlinear.py", "inject.py",
-    "inject_manifold.py",
+    "inject_manifold.py", "monitor_on.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
+WATCHING = ("signatures.py", "spread_tests.py")
+"""Files of the template that only a configuration with fault detection needs."""
 ROOMS = ("numerics", "models", "filters", "fusion", "faults", "adapt", "control")
 """Where the kernels live that a step calls."""
 
@@ -73,6 +75,7 @@ def sizes_source(shape: records.Shape) -> str:
     constants = {
         "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises,
         "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
+        "CELLS": shape.cells, "WINDOW": shape.window,
         "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
     }  # fmt: skip
     return "".join([f"{name} = {value}\n" for name, value in constants.items()])
@@ -93,6 +96,10 @@ def step_sources(
     files = {name: text for name, text in template.items() if name not in SWAPPED}
     files["advance.py"] = template["advance.py" if linear else "advance_nonlinear.py"]
     files["inject.py"] = template["inject_manifold.py" if manifold else "inject.py"]
+    if shape.cells > 0:
+        files["monitor.py"] = template["monitor_on.py"]
+    else:
+        files = {name: text for name, text in files.items() if name not in WATCHING}
     files["sizes.py"] = sizes_source(shape)
     files["process.py"] = process
     files["law.py"] = template["law.py"] if law is None else law

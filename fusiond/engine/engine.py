@@ -10,13 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.engine.direct import Run, direct
+from fusiond.engine.judge import Judge
 from fusiond.engine.layout import Layout
-from fusiond.engine.records import work_dtype
+from fusiond.engine.records import JUDGED, TO_JUDGE, TO_REPLAY, work_dtype
 from fusiond.engine.step.sizes import SNAPSHOT_EVERY
 from fusiond.errors import EngineFault
 
 Records = NDArray[Any]
 Derive = Callable[[Any, Any, Any], None]
+
+
+MEMORY = 512
+"""Snapshots kept where faults are judged: an exclusion goes back to before the fault began."""
 
 
 class Engine:
@@ -25,16 +30,25 @@ class Engine:
     Args:
         layout: what the records mean.   design: (1,) design record.   desk: (1,) desk record to start from.
         run: the compiled entry.   derive: writes the derived outputs of a state, None where there are none.
+        judge: decides about alarms, None without fault detection.
     """
 
     def __init__(
-        self, layout: Layout, design: Records, desk: Records, run: Run, derive: Derive | None
+        self,
+        layout: Layout,
+        design: Records,
+        desk: Records,
+        run: Run,
+        derive: Derive | None,
+        judge: Judge | None = None,
     ) -> None:
         self.layout = layout
         self.track: Records = np.zeros(1, layout.track)
         self.desk: Records = desk.copy()
         self._design, self._run, self._derive = design, run, derive
         self._is_direct = False
+        self._judge = judge
+        self._no_readings, self._no_reports = np.zeros(0, layout.reading), np.zeros(0, layout.report)
         self._reading = layout.reading
         self._first_desk = desk.copy()
         self._work = np.zeros(1, work_dtype(layout.shape))
@@ -55,7 +69,7 @@ class Engine:
         """Forget everything: the state before the first reading."""
         self.track[:] = np.zeros(1, self.layout.track)
         self.desk[:] = self._first_desk
-        self._allocate(64 * SNAPSHOT_EVERY)
+        self._allocate((MEMORY if self._judge else 64) * SNAPSHOT_EVERY)
 
     def process(self, readings: Records, *, covariances: bool = False) -> Records:
         """Run readings through the step, in the order they arrived.
@@ -76,9 +90,51 @@ class Engine:
             reports, into = self._room(count, covariances)
         done = self._step(readings, reports, into)
         while done < count:
-            self._grow()
+            if self.desk[0]["pause"] == TO_JUDGE:
+                self._judge_alarm()
+            else:
+                self._grow()
             done += self._step(readings[done:], reports[done:], into[done:])
         return reports
+
+    def _judge_alarm(self) -> None:
+        """Let the judge decide about the alarm in the track, and have its reading's report finished."""
+        assert self._judge is not None
+        self._judge.consider(self)
+        self.track[0]["monitor"]["alarm"] = 0
+        self.desk[0]["pause"] = JUDGED
+
+    def replay_since(self, t_ns: int) -> None:
+        """Apply the readings of the history once more, from the last snapshot before t_ns or else the oldest kept."""
+        marks = self._marks
+        kept = np.flatnonzero(marks >= self.desk[0]["ring_first"])
+        if not kept.size:
+            return
+        started = self._snapshots["started"][kept] != 0
+        early = kept[started & (self._snapshots["t_ns"][kept] < t_ns)]
+        if not early.size:
+            early = kept[started][:]
+            if not early.size:
+                return
+            chosen = early[np.argmin(marks[early])]
+        else:
+            chosen = early[np.argmax(marks[early])]
+        self.desk[0]["replay_from"] = marks[chosen]
+        self.desk[0]["pause"] = TO_REPLAY
+        self._step(self._no_readings, self._no_reports, self._nobody_asks)
+
+    @property
+    def histories(self) -> tuple[Records, Records]:
+        """The track now, (1,), and its kept snapshots, (k,); a decision must reach them all."""
+        return self.track, self._snapshots
+
+    @property
+    def window(self) -> Records:
+        """The entries of the window, oldest first: what the last readings were to the primary filter."""
+        ring = self._work[0]["window"]
+        entries = int(self.track[0]["monitor"]["entries"])
+        count = min(entries, len(ring))
+        return np.asarray(ring[np.arange(entries - count, entries) % len(ring)])
 
     def _room(self, count: int, covariances: bool) -> tuple[Records, NDArray[np.float64]]:
         """Zeroed reports for `count` readings, and as many covariances or none."""

@@ -11,6 +11,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from fusiond.faults.records import monitor_dtype, reaction_dtype, tests_dtype
+from fusiond.faults.window import window_dtype
+
 HAS_SEQ = 1
 """Reading flag: `seq` was sent by the sensor."""
 HAS_R = 2
@@ -21,6 +24,14 @@ HAS_ARRIVAL = 4
 
 CENTRAL = cast(int, np.int64(0))
 """Row of the centralized filter. A plain 0 is a type of its own to numba: every kernel would be compiled twice."""
+
+
+TO_JUDGE = 1
+"""desk.pause: a reading has been applied and has raised an alarm."""
+JUDGED = 2
+"""desk.pause: the alarm has been judged, its reading's report is to be finished."""
+TO_REPLAY = 3
+"""desk.pause: the ring is to be applied once more from desk.replay_from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +46,7 @@ class Shape:
         payload: most numbers any reading carries.     slots: most state slots any sensor model reads.
         model_parameters, sensor_parameters, law_parameters: lengths of the parameter vectors.
         controls, references: numbers of the command and of the reference (0 without control).
+        cells: of the bank of fault signatures; 0 without fault detection.   window: readings its evidence reaches back.
     """
 
     states: int
@@ -50,9 +62,24 @@ class Shape:
     law_parameters: int
     controls: int
     references: int
+    cells: int = 0
+    window: int = 1
+
+    @property
+    def monitor(self) -> np.dtype[Any]:
+        """dtype of the monitors' state; without detection one of no more than a few numbers."""
+        watched = self.cells > 0
+        return monitor_dtype(
+            states=self.states if watched else 1,
+            errors=self.errors if watched else 1,
+            inputs=self.inputs if watched else 1,
+            sensors=self.sensors if watched else 1,
+            payload=self.payload if watched else 1,
+            cells=self.cells,
+        )
 
 
-def record(*fields: tuple[str, str] | tuple[str, str, tuple[int, ...]]) -> np.dtype[Any]:
+def record(*fields: tuple[str, Any] | tuple[str, Any, tuple[int, ...]]) -> np.dtype[Any]:
     """A packed record dtype whose scalars have attributes; every subarray has at least one element."""
     sized = [(f[0], f[1], tuple(max(1, k) for k in f[2])) if len(f) == 3 else f for f in fields]
     return np.dtype((np.record, sized))
@@ -75,7 +102,8 @@ def report_dtype(shape: Shape) -> np.dtype[Any]:
     nu, S, R_used, R_declared: innovation z - h(x), diagonals of its covariance and of R, prior to the update.
     e: the innovation whitened channel by channel, unit variance under the model.  nis = sum e^2, dof terms.
     limit: largest nis the gate lets pass (infinite: no gate).   state_t_ns: time of x and std.
-    health: of every sensor after the reading.   command_due: 1 where a command was computed.
+    health: of every sensor after the reading.   fault*, suspects, model: what is wrong with it (faults.records), its
+    kind as types.Kind.   command_due: 1 where a command was computed.
     resets, jump: how often the state was set to its initial value, and by how much it jumped the last time (error
     slots: what leads from the estimate before to the one after).
     """
@@ -87,6 +115,8 @@ def report_dtype(shape: Shape) -> np.dtype[Any]:
         ("R_used", "<f8", (m,)), ("R_declared", "<f8", (m,)), ("nis", "<f8"), ("limit", "<f8"),
         ("state_t_ns", "<i8"), ("x", "<f8", (shape.states,)), ("std", "<f8", (shape.errors,)),
         ("resets", "<i8"), ("jump", "<f8", (shape.errors,)),
+        ("fault", "<i4", (s,)), ("fault_channel", "<i4", (s,)), ("fault_size", "<f8", (s,)), ("fault_std", "<f8", (s,)),
+        ("fault_onset_ns", "<i8", (s,)), ("suspects", "<u8", (s,)), ("model", "<i4"),
         ("command_due", "<i4"), ("command_valid", "<i4"), ("command", "<f8", (k,)),
     )  # fmt: skip
 
@@ -107,6 +137,7 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
         ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, shape.states)), ("U", "<f8", (f, n, n)), ("d", "<f8", (f, n)),
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
+        ("reaction", reaction_dtype(sensors=s, payload=m)), ("monitor", shape.monitor),
     )  # fmt: skip
 
 
@@ -121,7 +152,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     return record(
         ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
         ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
-        ("odd_start_ns", "<i8"),
+        ("odd_start_ns", "<i8"), ("pause", "<i8"), ("replay_from", "<i8"), ("review_at", "<i8"), ("case_at", "<i8"),
         ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
         ("reference_t_ns", "<i8"), ("reference", "<f8", (shape.references,)), ("has_reference", "<i8"),
         ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)),
@@ -136,7 +167,9 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     measured), lower/upper (allowed range), R_U, R_d (its R as U diag(d) U'), at (state slots it reads), sp (its
     parameters), wraps (channels that are angles, rad), drives (inputs it sets, -1 none), hold, holds_value, delay_ns
     (its stamps are this much later than what it measured), silence_ns (longest healthy silence, 0 never silent).
-    heard: (s, f) whether filter f hears sensor s.   angle: (states,) whether a state is an angle, rad.
+    heard: (s, f) whether filter f hears sensor s; alone: (f,) whether it hears no other.   angle: (states,) whether a
+    state is an angle, rad.   without_var: (s, m) variances of an input while its sensor is silent or excluded, 0 where
+    the last value holds on.   tests: faults.records.
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
     quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
     """
@@ -149,7 +182,9 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("R_U", "<f8", (s, m, m)), ("R_d", "<f8", (s, m)), ("R", "<f8", (s, m)),
         ("at", "<i8", (s, shape.slots)), ("sp", "<f8", (s, shape.sensor_parameters)),
         ("wraps", "<i4", (s, m)), ("drives", "<i4", (s, m)), ("hold", "<i4", (s,)), ("holds_value", "<i4", (s,)),
-        ("heard", "<i4", (s, shape.filters)), ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)),
+        ("heard", "<i4", (s, shape.filters)), ("alone", "<i4", (shape.filters,)), ("without_var", "<f8", (s, m)),
+        ("tests", tests_dtype(sensors=s, cells=shape.cells)),
+        ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)),
         ("step_ns", "<i8"), ("max_step_ns", "<i8"), ("horizon_ns", "<i8"), ("ahead_ns", "<i8"), ("resync", "<i8"),
         ("quiet_ns", "<i8"),
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
@@ -158,8 +193,9 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
 
 
 def work_dtype(shape: Shape) -> np.dtype[Any]:
-    """Scratch of the step: nothing in it outlives a call but the discretisation of the last intervals.
+    """Scratch of the step: nothing in it outlives a call but the discretisation of the last intervals, and the window.
 
+    window: what the last readings of updating sensors were to the primary filter; entry k stands at k % shape.window.
     cache_*: F, B, c, G, q of a linear model by interval, so that a regular stream is discretised once.
     """
     n, m, ni, q = shape.errors, shape.payload, shape.inputs, shape.noises
@@ -167,7 +203,12 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
         ("x", "<f8", (shape.states,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)),
         ("G", "<f8", (n, q)), ("q", "<f8", (q,)), ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)),
         ("h", "<f8", (m,)), ("H", "<f8", (m, n)), ("nu", "<f8", (m,)), ("R_U", "<f8", (m, m)), ("R_d", "<f8", (m,)),
-        ("R", "<f8", (m, m)), ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("dx", "<f8", (n,)),
+        ("R", "<f8", (m, m)), ("root", "<f8", (m,)), ("K", "<f8", (m, n)), ("D", "<f8", (m, m)), ("hdot", "<f8", (m,)),
+        ("tested", "<f8", (m,)), ("carried", "<f8", (n, n + ni)), ("phi", "<f8", (n, shape.cells)),
+        ("rho", "<f8", (shape.cells,)), ("gain", "<f8", (shape.cells,)), ("kept_x", "<f8", (shape.states,)),
+        ("kept_d", "<f8", (n,)), ("kept_U", "<f8", (n, n)), ("spare", reading_dtype(m), (1,)),
+        ("window", window_dtype(n, m, ni), (shape.window,)),
+        ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("dx", "<f8", (n,)),
         ("cache_dt_ns", "<i8", (CACHE,)), ("cache_F", "<f8", (CACHE, n, n)), ("cache_B", "<f8", (CACHE, n, ni)),
         ("cache_c", "<f8", (CACHE, n)),
         ("cache_G", "<f8", (CACHE, n, q)), ("cache_q", "<f8", (CACHE, q)),

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.engine.step.finish import describe_resets, judge_health, steer
+from fusiond.engine.step.finish import describe_faults, describe_resets, judge_health, steer
 from fusiond.engine.step.sizes import CONTROLS
 
 
@@ -23,5 +23,6 @@ def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None
     finite = describe_state(track, report)
     describe_resets(track, report)
     judge_health(track, design, now_ns, finite, report)
+    describe_faults(track, report)
     if CONTROLS > 0 and track.started:
         steer(desk, design, now_ns, report)

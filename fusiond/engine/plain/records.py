@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fusiond.engine.records import Shape, design_dtype, record
+from fusiond.faults.records import reaction_dtype
 
 DRAWS = 64
 """Rows of the table of random diagonals; repairs take them in turn."""
@@ -30,6 +31,7 @@ def plain_track_dtype(shape: Shape) -> np.dtype[Any]:
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
         ("repairs", "<i8"), ("unsound", "<i8"), ("repair_size", "<f8"), ("repair_last", "<f8"), ("condition", "<f8"),
         ("drawn", "<i8"),
+        ("reaction", reaction_dtype(sensors=s, payload=m)),
         ("batch_size", "<i8"), ("batch_t_ns", "<i8"), ("batch_x", "<f8", (n,)), ("batch_P", "<f8", (n, n)),
         ("batch_honest", "<f8", (n, n)), ("batch_has", "<i8", (s,)), ("batch_nu", "<f8", (s, m)),
         ("batch_H", "<f8", (s, m, n)), ("batch_R", "<f8", (s, m, m)), ("honest", "<f8", (n, n)),
@@ -43,7 +45,7 @@ def plain_design_dtype(shape: Shape) -> np.dtype[Any]:
     each row holds, 1 for a whole filter.   draws: (DRAWS, n) diagonals of the seed's repair, |o_ii|.
     """
     base: Any = design_dtype(shape)
-    fields = [(name, base[name].base.str, base[name].shape) for name in base.names]
+    fields = [(name, base[name].base, base[name].shape) for name in base.names]
     return record(
         *fields,
         ("local", "<i8", (shape.sensors,)),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fusiond.engine.step.update import innovate, load_noise
+from fusiond.engine.step.update import innovate, load_noise, look
 
 from .correct import correct
 
-__all__ = ["correct", "innovate", "load_noise"]
+__all__ = ["correct", "innovate", "load_noise", "look"]

@@ -9,6 +9,7 @@ from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import LARGEST_STATE, thornton_predict
 
+from .monitor import carry
 from .process import discretise
 from .sizes import ERRORS, INPUTS, NOISES, STATES
 
@@ -57,4 +58,5 @@ def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
         work.w_d[ERRORS + NOISES + j] = track.u_var[j]
         for i in range(ERRORS):
             work.W[ERRORS + NOISES + j, i] = B[i, j]
+    carry(track, work, row, F, B)
     thornton_predict(track.U[row], track.d[row], F, work.W, work.w_d, work.a)

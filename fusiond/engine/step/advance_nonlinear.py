@@ -8,6 +8,7 @@ from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import thornton_predict
 
+from .monitor import carry
 from .process import noise, transition
 from .sizes import ERRORS, INPUTS, NOISES
 
@@ -31,4 +32,5 @@ def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
         work.w_d[ERRORS + NOISES + j] = track.u_var[j]
         for i in range(ERRORS):
             work.W[ERRORS + NOISES + j, i] = work.B[i, j]
+    carry(track, work, row, work.F, work.B)
     thornton_predict(track.U[row], track.d[row], work.F, work.W, work.w_d, work.a)

@@ -9,14 +9,16 @@ from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
 
+from .monitor import corrected, fall_back, is_excluded
 from .predict import predict
 from .sizes import FILTERS, SENSORS
-from .update import correct
+from .update import correct, look
 
 INPUT = int(Role.INPUT)
 PREVIOUS = int(Hold.PREVIOUS)
 USED = int(Verdict.USED)
 HELD = int(Verdict.HELD)
+EXCLUDED = int(Verdict.EXCLUDED)
 
 
 @kernel
@@ -40,6 +42,9 @@ def start(track: Any, design: Any, t_ns: int) -> None:
 def hold_input(track: Any, design: Any, reading: Any, report: Any) -> None:
     """Hold the numbers of an input, and their variances, in track.u, u_var."""
     sensor = reading.sensor
+    if is_excluded(track, sensor, reading.t_ns):
+        report.verdict = EXCLUDED
+        return
     for i in range(design.length[sensor]):
         driven = design.drives[sensor, i]
         variance = reading.R[i, i] if reading["flags"] & HAS_R else design.R[sensor, i]
@@ -73,6 +78,20 @@ def repeats(track: Any, design: Any, reading: Any) -> bool:
 
 
 @kernel
+def update(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
+    """Correct every filter that hears the sensor; an excluded one is heard by its own local filter alone."""
+    sensor = reading.sensor
+    excluded = is_excluded(track, sensor, reading.t_ns)
+    if excluded:
+        look(track, design, work, reading, report)
+    else:
+        track.update_ns = reading.t_ns
+    for row in range(FILTERS):
+        if design.heard[sensor, row] and (not excluded or design.alone[row]):
+            correct(track, design, work, row, reading, report)
+
+
+@kernel
 def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
     """Apply one screened reading, no older than the last one applied. Writes report.verdict, nu, S, R_*, e, nis.
 
@@ -87,13 +106,12 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
         report.verdict = HELD
         return
     report.verdict = USED
+    given = corrected(track, design, reading, work.spare)
+    fall_back(track, design, given.t_ns)
     if design.role[sensor] == INPUT:
-        drive(track, design, work, reading, report)
+        drive(track, design, work, given, report)
     else:
-        for row in range(FILTERS):
-            if design.heard[sensor, row]:
-                correct(track, design, work, row, reading, report)
-        track.update_ns = reading.t_ns
+        update(track, design, work, given, report)
     track.sensor_seen[sensor] = 1
     for i in range(design.length[sensor]):
         track.sensor_z[sensor, i] = reading.z[i]

@@ -8,13 +8,14 @@ import numpy as np
 
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import ud_variance
-from fusiond.types import Health, ServiceHealth
+from fusiond.types import Health, Kind, ServiceHealth
 
 from .law import command
 from .sizes import CONTROLS, ERRORS, SENSORS, STATES
 
 HEALTHY = int(Health.HEALTHY)
 SILENT = int(Health.SILENT)
+SILENCE = int(Kind.SILENT)
 NOMINAL = int(ServiceHealth.NOMINAL)
 DEGRADED = int(ServiceHealth.DEGRADED)
 DEAD_RECKONING = int(ServiceHealth.DEAD_RECKONING)
@@ -45,20 +46,35 @@ def describe_resets(track: Any, report: Any) -> None:
 
 @kernel
 def judge_health(track: Any, design: Any, now_ns: int, finite: bool, report: Any) -> None:
-    """Write report.health of every sensor and report.service, by the age of their data at now_ns."""
-    silent = False
+    """Write report.health and report.service: silence by the age of data at now_ns, faults as judged."""
+    sound = track.reaction.model == 0
     for sensor in range(SENSORS):
         age_ns = now_ns - track.sensor_t_ns[sensor]
         quiet = track.started and 0 < design.silence_ns[sensor] < age_ns
-        report.health[sensor] = SILENT if quiet else HEALTHY
-        silent = silent or quiet
+        report.health[sensor] = SILENT if quiet else track.reaction.health[sensor]
+        sound = sound and report.health[sensor] == HEALTHY
     age_ns = now_ns - track.update_ns
     if not (track.started and finite) or age_ns > design.invalid_ns:
         report.service = INVALID
     elif age_ns > design.dead_reckoning_ns:
         report.service = DEAD_RECKONING
     else:
-        report.service = DEGRADED if silent else NOMINAL
+        report.service = NOMINAL if sound else DEGRADED
+
+
+@kernel
+def describe_faults(track: Any, report: Any) -> None:
+    """Write what is known to be wrong with every sensor, silence included."""
+    reaction = track.reaction
+    report.model = reaction.model
+    for sensor in range(SENSORS):
+        silent = report.health[sensor] == SILENT
+        report.fault[sensor] = SILENCE if silent else reaction.kind[sensor]
+        report.fault_channel[sensor] = -1 if silent else reaction.channel[sensor]
+        report.fault_size[sensor] = 0.0 if silent else reaction["size"][sensor]
+        report.fault_std[sensor] = 0.0 if silent else reaction.size_std[sensor]
+        report.fault_onset_ns[sensor] = track.sensor_t_ns[sensor] if silent else reaction.onset_ns[sensor]
+        report.suspects[sensor] = 0 if silent else reaction.suspects[sensor]
 
 
 @kernel
@@ -85,5 +101,6 @@ def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None
     finite = describe_state(track, report)
     describe_resets(track, report)
     judge_health(track, design, now_ns, finite, report)
+    describe_faults(track, report)
     if CONTROLS > 0 and track.started:
         steer(desk, design, now_ns, report)

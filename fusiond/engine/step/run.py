@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.engine.records import CENTRAL
+from fusiond.engine.records import CENTRAL, JUDGED, TO_JUDGE, TO_REPLAY
 from fusiond.numerics.kernel import entry, kernel
 from fusiond.numerics.ud import ud_compose
 from fusiond.types import RESET, TICK, Action, Role, Verdict
 
 from .apply import apply
 from .finish import finish
+from .monitor import awaits_judgement, fall_back, note_unusable
 from .predict import predict
 from .screen import comes_after, note_sequence, same_values, screen, sequence_repeats
 from .sizes import PAYLOAD, SENSORS, SNAPSHOT_EVERY
@@ -115,58 +116,69 @@ def insert(desk: Any, ring: Any, reading: Any, place: int) -> None:
 
 @kernel
 def advance_from(
-    tracks: Any, desk: Any, design: Any, work: Any, spare: Any, ring: Any, snapshots: Any, marks: Any,
-    place: int, report: Any,
+    tracks: Any, desk: Any, design: Any, work: Any, spares: Any, ring: Any, snapshots: Any, marks: Any,
+    place: int, first: int, reports: Any, at: int,
 ) -> None:  # fmt: skip
-    """Apply the ring from `place` to its end, from the snapshot before it where that is not the end already."""
+    """Apply the ring from `first` to its end, and report on what stands at `place` into reports[at].
+
+    Where `first` is not the end already, the track is that of the snapshot there.
+    """
     size, kept = ring.shape[0], snapshots.shape[0]
     end = desk.ring_first + desk.ring_count
-    first = place
-    if place < end - 1:
-        first = place // SNAPSHOT_EVERY * SNAPSHOT_EVERY
+    untouched = end - 1 if place < end else end
+    if first < untouched:
         tracks[0] = snapshots[first // SNAPSHOT_EVERY % kept]
-        report.action = REPLAYED
     for k in range(first, end):
         if k % SNAPSHOT_EVERY == 0:
             snapshots[k // SNAPSHOT_EVERY % kept] = tracks[0]
             marks[k // SNAPSHOT_EVERY % kept] = k
-        if k == place:
-            apply(tracks[0], design, work, ring[k % size], report)
-        else:
-            apply(tracks[0], design, work, ring[k % size], spare)
+        report = reports[at] if k == place else spares[0]
+        apply(tracks[0], design, work, ring[k % size], report)
 
 
 @kernel
 def take(
-    tracks: Any, desk: Any, design: Any, work: Any, spare: Any, ring: Any, snapshots: Any, marks: Any,
-    reading: Any, report: Any,
-) -> None:  # fmt: skip
-    """Take one reading of a sensor: screen, place in time, apply or replay."""
+    tracks: Any, desk: Any, design: Any, work: Any, ring: Any, marks: Any, reading: Any, report: Any
+) -> int:
+    """Take one reading of a sensor: screen it and give it its place in the ring; -1 where it gets none."""
     track = tracks[0]
     report.verdict = screen(track, design, work, reading)
+    note_unusable(track, reading, report.verdict == USED)
     if report.verdict != USED:
-        return
+        return -1
     if sequence_repeats(desk, reading):
         report.verdict = DUPLICATE
-        return
+        return -1
     role = design.role[reading.sensor]
     if role == REFERENCE or role == APPLIED:
         accept(desk, design, reading)
         note_sequence(desk, reading)
-        return
+        return -1
     report.verdict = judge_stamp(desk, design, reading)
     if report.verdict != USED:
         if not time_jumped(desk, design, reading):
-            return
+            return -1
         report.action = follow_jump(track, desk, design, marks, reading)
     place = place_of(desk, ring, reading)
     if place < 0:
         report.verdict = DUPLICATE
-        return
+        return -1
     note_stamp(desk, reading)
     note_sequence(desk, reading)
     insert(desk, ring, reading, place)
-    advance_from(tracks, desk, design, work, spare, ring, snapshots, marks, place, report)
+    return place
+
+
+@kernel
+def beginning(desk: Any, place: int, report: Any) -> int:
+    """Where to begin so that the reading at `place` is applied in its order; the ring's end for one without a place."""
+    end = desk.ring_first + desk.ring_count
+    if place < 0:
+        return int(end)
+    if place < end - 1:
+        report.action = REPLAYED
+        return place // SNAPSHOT_EVERY * SNAPSHOT_EVERY
+    return place
 
 
 @entry
@@ -182,7 +194,8 @@ def run(
         readings, reports: as many of one as of the other, reports zeroed.
         covariances: (count, n, n), the centralized covariance after each reading; (0, n, n) where nobody asks.
     Returns:
-        How many were taken; fewer than given means that the ring must grow before the next.
+        How many were taken. Fewer than given means that the ring must grow before the next or, with desk.pause ==
+        TO_JUDGE, that the next has been applied and raised an alarm: judge, set JUDGED, and give it again.
     """
     desk, work = desks[0], works[0]
     spare_tracks, spare_reports, spare_readings = spares
@@ -190,18 +203,32 @@ def run(
         if ring_is_full(desk, design[0], ring):
             return k
         reading, report = measured(readings, k, design[0], spare_readings), reports[k]
-        begin_report(readings[k], report)
-        if reading.sensor == TICK:
-            spare_tracks[0] = tracks[0]
-            if tracks[0].started:
-                predict(spare_tracks[0], design[0], work, CENTRAL, reading.t_ns)
-            finish(spare_tracks[0], desk, design[0], reading.t_ns, report)
-        elif reading.sensor == RESET:
-            report.action = restart(tracks[0], desk, design[0], marks)
-            finish(tracks[0], desk, design[0], reading.t_ns, report)
-        else:
-            take(tracks, desk, design[0], work, spare_reports[0], ring, snapshots, marks, reading, report)
-            finish(tracks[0], desk, design[0], tracks[0].t_ns, report)
+        phase, desk.pause = desk.pause, 0
+        ends = tracks
+        place = first = desk.ring_first + desk.ring_count
+        if phase == TO_REPLAY:
+            first = desk.replay_from
+        elif phase != JUDGED:
+            begin_report(readings[k], report)
+            if reading.sensor == TICK:
+                ends = spare_tracks
+                spare_tracks[0] = tracks[0]
+                fall_back(spare_tracks[0], design[0], reading.t_ns)
+                if tracks[0].started:
+                    predict(spare_tracks[0], design[0], work, CENTRAL, reading.t_ns)
+            elif reading.sensor == RESET:
+                report.action = restart(tracks[0], desk, design[0], marks)
+            else:
+                place = take(tracks, desk, design[0], work, ring, marks, reading, report)
+                first = beginning(desk, place, report)
+        advance_from(
+            tracks, desk, design[0], work, spare_reports, ring, snapshots, marks, place, first, reports, k
+        )
+        if phase != JUDGED and awaits_judgement(tracks[0], desk):
+            desk.pause = TO_JUDGE
+            return k
+        now_ns = reading.t_ns if reading.sensor == TICK else tracks[0].t_ns
+        finish(ends[0], desk, design[0], now_ns, report)
         if covariances.shape[0] > 0:
             ud_compose(tracks[0].U[0], tracks[0].d[0], covariances[k])
     return readings.shape[0]

@@ -8,5 +8,7 @@ SENSORS = 1
 FILTERS = 2
 PAYLOAD = 1
 CONTROLS = 0
+CELLS = 0
+WINDOW = 1
 SNAPSHOT_EVERY = 8
 """Readings between two snapshots of the track; a rollback replays at most that many more than it must."""

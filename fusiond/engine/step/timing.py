@@ -19,6 +19,7 @@ from fusiond.types import NANOSECONDS, Action, Verdict
 
 from .apply import start
 from .inject import between
+from .monitor import forget_all
 from .sizes import FILTERS, SENSORS, SNAPSHOT_EVERY
 
 USED = int(Verdict.USED)
@@ -88,6 +89,7 @@ def restart(track: Any, desk: Any, design: Any, marks: Any) -> int:
         between(track.x[0], design.x0, track.jump, design)
     start(track, design, track.t_ns)
     track.started = 0
+    forget_all(track, desk)
     return RESET
 
 

@@ -6,15 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.engine.records import HAS_R
+from fusiond.engine.records import CENTRAL, HAS_R
+from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.discretise import wrap_angle
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import bierman_update, ud_factor, ud_projected, whiten
+from fusiond.types import Verdict
 
 from .inject import inject
+from .monitor import after_look, after_update, before_update
 from .observe import observe
 from .predict import predict
 from .sizes import ERRORS
+
+GATED, EXCLUDED = int(Verdict.GATED), int(Verdict.EXCLUDED)
 
 
 @kernel
@@ -66,7 +71,7 @@ def describe_innovation(track: Any, design: Any, work: Any, reading: Any, report
             variance += work.R_U[i, j] * work.R_U[i, j] * work.R_d[j]
         report.nu[i] = work.nu[i]
         report.R_used[i] = variance
-        report.R_declared[i] = variance
+        report.R_declared[i] = variance / (1.0 + track.reaction.noise_excess[reading.sensor])
         report.S[i] = ud_projected(track.U[0], track.d[0], work.H[i]) + variance
 
 
@@ -85,23 +90,82 @@ def condition(track: Any, design: Any, work: Any, row: int, dof: int) -> float:
         for j in range(ERRORS):
             nu -= work.H[i, j] * work.dx[j]
         S = bierman_update(work.dx, track.U[row], track.d[row], work.H[i], work.R_d[i], nu, work.a, work.b)
-        work.e[i] = nu / np.sqrt(S) if S > 0.0 else 0.0
+        work.root[i] = np.sqrt(S)
+        work.e[i] = nu / work.root[i] if S > 0.0 else 0.0
+        if row == CENTRAL:
+            for j in range(ERRORS):
+                work.K[i, j] = work.b[j] / S if S > 0.0 else 0.0
         nis += work.e[i] * work.e[i]
     inject(track.x[row], work.dx, design)
     return nis
 
 
 @kernel
-def correct(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any) -> None:
-    """Predict filter `row` to the reading and fuse it; the centralized filter (row 0) also reports."""
-    dof = design.dof[reading.sensor]
+def keep(track: Any, work: Any, row: int) -> None:
+    """Copy filter `row` aside."""
+    copy_vector(track.x[row], work.kept_x)
+    copy_vector(track.d[row], work.kept_d)
+    copy_matrix(track.U[row], work.kept_U)
+
+
+@kernel
+def put_back(track: Any, work: Any, row: int) -> None:
+    """Undo what happened to filter `row` since `keep`."""
+    copy_vector(work.kept_x, track.x[row])
+    copy_vector(work.kept_d, track.d[row])
+    copy_matrix(work.kept_U, track.U[row])
+
+
+@kernel
+def meet(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any) -> None:
+    """Predict filter `row` to the reading and take the innovation; the primary filter (row 0) also reports."""
+    sensor = reading.sensor
     predict(track, design, work, row, reading.t_ns)
     innovate(track, design, work, row, reading)
     load_noise(reading, design, work)
-    if row == 0:
+    for i in range(design.dof[sensor]):
+        work.R_d[i] *= 1.0 + track.reaction.noise_excess[sensor]
+    if row == CENTRAL:
         describe_innovation(track, design, work, reading, report)
+        before_update(track, design, work, reading)
+
+
+@kernel
+def correct(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any) -> None:
+    """Predict filter `row` to the reading and fuse it, unless its own gate says that noise cannot explain it."""
+    dof, gate = design.dof[reading.sensor], design.tests.gate[reading.sensor]
+    meet(track, design, work, row, reading, report)
+    if gate > 0.0:
+        keep(track, work, row)
     nis = condition(track, design, work, row, dof)
-    if row == 0:
-        report.nis = nis
-        for i in range(dof):
-            report.e[i] = work.e[i]
+    used = gate <= 0.0 or nis <= gate
+    if not used:
+        put_back(track, work, row)
+    if row == CENTRAL:
+        report_innovation(work, dof, nis, report)
+        if gate > 0.0:
+            report.limit = gate
+        if not used:
+            report.verdict = GATED
+        after_update(track, design, work, reading, used)
+
+
+@kernel
+def report_innovation(work: Any, dof: int, nis: float, report: Any) -> None:
+    """Write nis and e."""
+    report.nis = nis
+    for i in range(dof):
+        report.e[i] = work.e[i]
+
+
+@kernel
+def look(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
+    """Compare an excluded sensor's reading with the primary filter, and leave the filter as it was."""
+    dof = design.dof[reading.sensor]
+    meet(track, design, work, CENTRAL, reading, report)
+    keep(track, work, CENTRAL)
+    nis = condition(track, design, work, CENTRAL, dof)
+    put_back(track, work, CENTRAL)
+    report_innovation(work, dof, nis, report)
+    report.verdict = EXCLUDED
+    after_look(track, design, work, reading)

@@ -1,0 +1,105 @@
+"""Fault detection of a configuration: its tests in the design record, and the judge of their alarms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusiond.assembly.detection import Detection, detection_of
+from fusiond.assembly.observability import observability
+from fusiond.assembly.resolve import Resolved, by_key
+from fusiond.config import FaultsSection, InputSection
+from fusiond.engine.judge import Judge
+from fusiond.engine.layout import Layout
+from fusiond.errors import ConfigError
+from fusiond.faults.hypotheses import catalogue
+from fusiond.faults.thresholds import ROBUST, SHARP, Promise
+from fusiond.types import Role
+
+PROFILES = {"sharp": SHARP, "robust": ROBUST}
+
+
+def promise_of(section: FaultsSection) -> Promise:
+    """What the operator is promised."""
+    dead_band, studentise = PROFILES[section.profile]
+    return Promise(section.mean_time_between_false_alarms_s, dead_band, studentise)
+
+
+def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | None]:
+    """The layout with room for the monitors, and every test's numbers; None where no detection is asked for."""
+    section = resolved.config.faults
+    if section is None:
+        return layout, None
+    if layout.plain:
+        raise ConfigError(
+            "faults: are found by the compiled step alone; leave filter.recursion and fusion.topology at their "
+            "defaults, or take the section out"
+        )
+    detection = detection_of(resolved, layout, promise_of(section))
+    shape = replace(layout.shape, cells=detection.cells, window=section.window)
+    return replace(layout, shape=shape), detection
+
+
+def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray[np.void]) -> None:
+    """Write the thresholds, and what stands in for a missing input, into the design record."""
+    record = design[0]
+    for number, sensor in enumerate(resolved.sensors):
+        section = sensor.section
+        if isinstance(section, InputSection) and section.without_input_std:
+            subject = f"sensor.{sensor.name}.without_input_std"
+            stds = by_key(section.without_input_std, sensor.model.channels, subject)
+            for i, slot in enumerate(sensor.model.channels):
+                if not stds.get(slot.name, 0.0) > 0.0:
+                    raise ConfigError(
+                        f"{subject}: `{slot.key}` is missing or 0; say how large the input may be"
+                    )
+                record["without_var"][number, i] = stds[slot.name] ** 2
+    if detection is None:
+        return
+    tests = record["tests"]
+    cells = detection.cells
+    tests["theta"][:cells], tests["limit"][:cells] = detection.cell_theta, detection.cell_h
+    tests["channel"][:cells], tests["age"][:cells] = detection.cell_channel, detection.cell_age
+    tests["first"], tests["last"] = detection.first, detection.last
+    tests["is_input"] = [sensor.role is Role.INPUT for sensor in resolved.sensors]
+    tests["gate"] = detection.gate
+    tests["variance_limit"], tests["white_limit"] = detection.variance_h, detection.white_h
+    tests["pooled_limit"], tests["repeat_log"] = detection.pooled_h, detection.repeat_log
+    tests["dead_band"], tests["studentise"] = detection.dead_band, detection.studentise
+
+
+def groups_of(resolved: Resolved) -> list[list[int]]:
+    """Numbers of the updating sensors that may share one fault, by the group the configuration names."""
+    named: dict[str, list[int]] = {}
+    for number, sensor in enumerate(resolved.sensors):
+        if sensor.role is Role.UPDATE and sensor.section is not None and sensor.section.group:
+            named.setdefault(sensor.section.group, []).append(number)
+    return [members for members in named.values() if len(members) > 1]
+
+
+def judge_of(resolved: Resolved, layout: Layout, detection: Detection | None) -> Judge | None:
+    """The judge of the configuration's alarms; None where none is raised."""
+    if detection is None:
+        return None
+    sensors = resolved.sensors
+    dofs = {k: sensor.model.dof for k, sensor in enumerate(sensors) if sensor.role is Role.UPDATE}
+    inputs = {k: sensor.drives for k, sensor in enumerate(sensors) if sensor.role is Role.INPUT}
+
+    def enough(missing: frozenset[int]) -> bool:
+        """Whether the sensors that are left still see every state that must be seen."""
+        left = tuple(sensors[k] for k in dofs if k not in missing)
+        seen = observability(resolved, left)
+        return bool(left) and set(seen.unobserved) <= set(resolved.config.filter.accept_unobservable)
+
+    return Judge(
+        layout=layout,
+        hypotheses=catalogue(dofs, inputs, groups_of(resolved)),
+        enough=enough,
+        noise_std=np.array(
+            [np.pad(np.sqrt(np.diagonal(s.R)), (0, layout.shape.payload - len(s.R))) for s in sensors]
+        ),
+        policy=tuple(getattr(sensor.section, "policy", "auto") for sensor in sensors),
+        replaceable=tuple(bool(getattr(sensor.section, "without_input_std", None)) for sensor in sensors),
+    )

@@ -1,0 +1,213 @@
+"""The hooks of the step where the configuration asks for fault detection. `assembly` copies this over `monitor.py`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fusiond.numerics.kernel import kernel
+from fusiond.types import Alarm, Role
+
+from .inject import between
+from .signatures import bank, carry, forget_interval
+from .sizes import ERRORS, INPUTS, SENSORS, STATES, WINDOW
+from .spread_tests import ask, clear_tests, test_frozen, test_scatter, variance_gain
+
+__all__ = [
+    "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
+    "is_excluded", "note_unusable",
+]  # fmt: skip
+
+INPUT = int(Role.INPUT)
+GARBAGE, HEALED, REVIEW = int(Alarm.GARBAGE), int(Alarm.HEALED), int(Alarm.REVIEW)
+FEW, DECAY = 1.5, 0.9
+"""Unusable readings are counted with this decay per sound one; beyond FEW (two in a row) they are a fault."""
+PATIENT = 6.9
+"""Log likelihood ratio at which an excluded sensor is believed healed: one in a thousand that it is not."""
+LARGEST_SLOW = 3.0
+"""An innovation this many deviations large, or larger, counts as this in the slow variance."""
+
+
+@kernel
+def before_update(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Rate of change predicted for the reading: of the state since the last entry, and through H of the reading."""
+    monitor, sensor = track.monitor, reading.sensor
+    dt_ns = track.filter_t_ns[0] - monitor.t_after_ns
+    if monitor.entries > 0 and dt_ns > 0:
+        between(monitor.x_after, track.x[0], work.dx, design)
+        for j in range(ERRORS):
+            monitor.rate[j] = work.dx[j] / (dt_ns * 1e-9)
+    for i in range(design.dof[sensor]):
+        work.hdot[i] = 0.0
+        for j in range(ERRORS):
+            work.hdot[i] += work.H[i, j] * monitor.rate[j]
+    dof = design.dof[sensor]
+    for i in range(dof):
+        for j in range(dof):
+            work.D[i, j] = 1.0 if i == j else 0.0
+    for j in range(dof - 1, 0, -1):
+        for i in range(j):
+            for k in range(dof):
+                work.D[i, k] -= work.R_U[i, j] * work.D[j, k]
+
+
+@kernel
+def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> None:
+    """Write the reading's line into the window."""
+    monitor = track.monitor
+    line = work.window[monitor.entries % WINDOW]
+    line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, 1 if used else 0
+    for i in range(dof):
+        line.e[i], line.root[i] = work.e[i], work.root[i]
+        line.h[i], line.hdot[i] = work.h[i], work.hdot[i]
+        for j in range(ERRORS):
+            line.H[i, j] = work.H[i, j]
+            line.K[i, j] = work.K[i, j]
+        for j in range(dof):
+            line.D[i, j] = work.D[i, j]
+    for i in range(ERRORS):
+        for j in range(ERRORS):
+            line["T"][i, j] = monitor.carried[i, j]
+        for j in range(INPUTS):
+            line.B[i, j] = monitor.carried[i, ERRORS + j]
+    monitor.entries += 1
+
+
+@kernel
+def scale_innovations(track: Any, design: Any, work: Any, sensor: int, dof: int) -> None:
+    """Write work.tested: the innovations, relative to the slow variance where the declared noise is not believed."""
+    share = design.tests.studentise[sensor]
+    variance = 1.0 + track.monitor.slow[sensor]
+    scale = 1.0 / np.sqrt(variance) if share > 0.0 else 1.0
+    mean_square = 0.0
+    for i in range(dof):
+        work.tested[i] = work.e[i] * scale
+        mean_square += min(work.tested[i] * work.tested[i], LARGEST_SLOW * LARGEST_SLOW) / dof
+    if share > 0.0:
+        track.monitor.slow[sensor] += share * variance * (mean_square - 1.0)
+
+
+@kernel
+def after_update(track: Any, design: Any, work: Any, reading: Any, used: bool) -> None:
+    """Write the entry, run every test, and start the next interval."""
+    monitor, sensor = track.monitor, reading.sensor
+    dof = design.dof[sensor]
+    if not used:
+        work.K[:] = 0.0
+    if monitor.entries == 0:
+        forget_interval(track)
+    scale_innovations(track, design, work, sensor, dof)
+    write_entry(track, work, reading, dof, used)
+    bank(track, design, work, sensor, dof)
+    test_scatter(track, design, work, sensor, dof)
+    test_frozen(track, design, work, reading)
+    forget_interval(track)
+    for i in range(STATES):
+        monitor.x_after[i] = track.x[0, i]
+    monitor.t_after_ns = track.filter_t_ns[0]
+
+
+@kernel
+def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Weigh an excluded sensor's reading: sound, against its old bias of either sign and against four-fold noise."""
+    monitor, reaction, sensor = track.monitor, track.reaction, reading.sensor
+    dof = design.dof[sensor]
+    square = 0.0
+    for i in range(dof):
+        e = work.e[i]
+        square += e * e
+        b = min(reaction.shadow_size[sensor, i] / work.root[i], LARGEST_SLOW) if work.root[i] > 0.0 else 0.0
+        for k in range(2):
+            sign = 1.0 if k == 0 else -1.0
+            monitor.shadow[sensor, k] = max(0.0, monitor.shadow[sensor, k] - sign * b * e + 0.5 * b * b)
+    gain = variance_gain(4.0, square, dof)
+    monitor.shadow[sensor, 2] = max(0.0, monitor.shadow[sensor, 2] - gain)
+    test_frozen(track, design, work, reading)
+    if monitor.run[sensor] > 0:
+        monitor.shadow[sensor, 2] = 0.0
+    sound = min(monitor.shadow[sensor, 0], monitor.shadow[sensor, 1], monitor.shadow[sensor, 2])
+    if monitor.alarm == 0 and sound >= PATIENT:
+        ask(monitor, HEALED, sensor)
+        monitor.shadow[sensor] = 0.0
+
+
+@kernel
+def is_excluded(track: Any, sensor: int, t_ns: int) -> bool:
+    """Whether the sensor's readings of that time are not used."""
+    reaction = track.reaction
+    return bool(
+        reaction.excluded[sensor] and (reaction.until_ns[sensor] == 0 or t_ns < reaction.until_ns[sensor])
+    )
+
+
+@kernel
+def fall_back(track: Any, design: Any, t_ns: int) -> None:
+    """Give inputs that are silent or excluded their configured fallback, 0 with `without_var`."""
+    for sensor in range(SENSORS):
+        if design.role[sensor] != INPUT or design.without_var[sensor, 0] <= 0.0:
+            continue
+        silent = 0 < design.silence_ns[sensor] < t_ns - track.sensor_t_ns[sensor]
+        if silent or is_excluded(track, sensor, t_ns):
+            for i in range(design.length[sensor]):
+                track.u[design.drives[sensor, i]] = 0.0
+                track.u_var[design.drives[sensor, i]] = design.without_var[sensor, i]
+
+
+@kernel
+def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
+    """The reading with what is known of its sensor's error taken off: (z - offset - drift (t - onset)) / gain."""
+    reaction, sensor = track.reaction, reading.sensor
+    if reaction.from_ns[sensor] == 0 or reading.t_ns < reaction.from_ns[sensor]:
+        return reading
+    spare[0] = reading
+    since_s = (reading.t_ns - reaction.onset_ns[sensor]) * 1e-9
+    for i in range(design.dof[sensor]):
+        error = reaction.offset[sensor, i] + reaction.drift[sensor, i] * since_s
+        spare[0].z[i] = (reading.z[i] - error) / (1.0 + reaction.gain_error[sensor, i])
+    return spare[0]
+
+
+@kernel
+def note_unusable(track: Any, reading: Any, usable: bool) -> None:
+    """Count readings refused at the door, and ask for judgement when they keep coming."""
+    monitor, sensor = track.monitor, reading.sensor
+    if not 0 <= sensor < SENSORS:
+        return
+    if usable:
+        monitor.garbage[sensor] *= DECAY
+        return
+    monitor.garbage[sensor] += 1.0
+    if monitor.garbage[sensor] > FEW and not is_excluded(track, sensor, reading.t_ns):
+        ask(monitor, GARBAGE, sensor)
+
+
+@kernel
+def forget_all(track: Any, desk: Any) -> None:
+    """Neither evidence nor verdicts outlive a reset."""
+    clear_tests(track)
+    forget_interval(track)
+    monitor, reaction = track.monitor, track.reaction
+    monitor.shadow[:] = 0.0
+    monitor.rate[:] = 0.0
+    monitor.entries = 0
+    reaction.excluded[:] = 0
+    reaction.until_ns[:] = 0
+    reaction.relapses[:] = 0
+    reaction.from_ns[:] = 0
+    reaction.noise_excess[:] = 0.0
+    reaction.health[:] = 0
+    reaction.kind[:] = 0
+    reaction.suspects[:] = 0
+    reaction.model = 0
+    desk.review_at = 0
+    desk.case_at = 0
+
+
+@kernel
+def awaits_judgement(track: Any, desk: Any) -> bool:
+    """Whether a test has raised its alarm, or enough readings have come for a case left open."""
+    monitor = track.monitor
+    if 0 < desk.review_at <= monitor.entries:
+        ask(monitor, REVIEW, 0)
+    return bool(monitor.alarm != 0)

@@ -1,0 +1,90 @@
+"""What the monitors remember, what they were designed to, and what has been decided: three flat records.
+
+All zeros is the neutral value of every field, so that a fresh track needs no other start.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+Fields = list[tuple[Any, ...]]
+
+
+def packed(fields: Fields) -> np.dtype[Any]:
+    """A record dtype whose scalars have attributes and whose subarrays have at least one element."""
+    sized = [(*f[:2], tuple(max(1, k) for k in f[2])) if len(f) == 3 else f for f in fields]
+    return np.dtype((np.record, sized))
+
+
+def monitor_dtype(
+    *, states: int, errors: int, inputs: int, sensors: int, payload: int, cells: int
+) -> np.dtype[Any]:
+    """State of every test on the innovations of the primary filter.
+
+    entries: readings written to the window so far.   alarm: which test asks for judgement (types.Alarm), 0 none;
+    alarm_sensor: of which sensor, where the test says so.
+    carried: (n, n + inputs) transition of the error since the last entry, beside its response to a unit error of
+    each input held meanwhile.   x_after, t_after_ns, rate: state after the last entry, its time, and its rate of
+    change (1/s) predicted since.
+    phi: (n, cells) error of the estimate that a unit fault of each cell has caused since the cell's onset;
+    llr: its log likelihood ratio;   count: readings of its sensor since then.
+    variance, white: (s, 2) tests up and down of each sensor;   pooled: (2,) of all together.
+    last_e: whitened innovations of the sensor's last reading.   slow: its slow innovation variance less one.
+    raw_z: last values sent;   pairs, equal: readings that could and that did repeat them, the current run left out;
+    run: equal values in a row;   run_h: what was predicted when the run began.
+    garbage: unusable readings, counted with decay.   shadow: (s, 3) evidence that an excluded sensor has healed.
+    """
+    n, s, m, c = errors, sensors, payload, cells
+    return packed([
+        ("entries", "<i8"), ("alarm", "<i8"), ("alarm_sensor", "<i8"), ("alarm_cell", "<i8"),
+        ("carried", "<f8", (n, n + inputs)), ("x_after", "<f8", (states,)), ("t_after_ns", "<i8"),
+        ("rate", "<f8", (n,)),
+        ("phi", "<f8", (n, c)), ("llr", "<f8", (c,)), ("count", "<i8", (c,)),
+        ("variance", "<f8", (s, 2)), ("pooled", "<f8", (2,)), ("white", "<f8", (s, 2)), ("last_e", "<f8", (s, m)),
+        ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
+        ("garbage", "<f8", (s,)), ("run", "<i8", (s,)), ("run_h", "<f8", (s, m)), ("shadow", "<f8", (s, 3)),
+    ])  # fmt: skip
+
+
+def tests_dtype(*, sensors: int, cells: int) -> np.dtype[Any]:
+    """Thresholds of every test, derived at design time.
+
+    Cells (`cell_*`, sorted by sensor): theta: signed fault size, in the channel's unit (or the input's);
+    channel: raw channel, or number of the input;   limit: of its llr;   age: readings after which it starts anew.
+    first, last: (s,) the cells of each sensor are first <= cell < last.   is_input: whether the sensor drives.
+    gate: (s,) largest nis that is used;   variance_limit, white_limit: (s, 2);   pooled_limit: (2,).
+    repeat_log: log of the wanted readings between false alarms of the frozen test.
+    dead_band: (s,) mean of a whitened innovation that is no fault.   studentise: (s,) share of one reading in the slow
+    variance, 0 where the declared noise is believed.
+    """
+    s, c = sensors, cells
+    return packed([
+        ("theta", "<f8", (c,)), ("channel", "<i8", (c,)), ("limit", "<f8", (c,)), ("age", "<i8", (c,)),
+        ("first", "<i8", (s,)), ("last", "<i8", (s,)), ("is_input", "<i8", (s,)),
+        ("gate", "<f8", (s,)), ("variance_limit", "<f8", (s, 2)), ("white_limit", "<f8", (s, 2)),
+        ("pooled_limit", "<f8", (2,)), ("repeat_log", "<f8"), ("dead_band", "<f8", (s,)), ("studentise", "<f8", (s,)),
+    ])  # fmt: skip
+
+
+def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
+    """What has been decided about every sensor, and what the estimator does about it.
+
+    health: types.Health;   kind: types.Kind;   size, size_std: in the channel's unit (drift: per second; noise, scale:
+    a factor; delay: s);   channel: raw channel, -1 all;   onset_ns, since_ns: when it began, when it was named;
+    suspects: bit k set where it cannot be told from a fault of sensor k.
+    excluded: its readings correct nothing, up to until_ns where that is set.   relapses: how often it has come back.
+    from_ns: readings from here on are corrected by offset, drift (per
+    second since onset_ns) and gain_error (a factor less one).   noise_excess: its R is this much larger, a factor
+    less one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return.
+    model: 1 while the model, not a sensor, is thought wrong.
+    """
+    s, m = sensors, payload
+    return packed([
+        ("health", "<i8", (s,)), ("kind", "<i8", (s,)), ("channel", "<i8", (s,)), ("size", "<f8", (s,)),
+        ("size_std", "<f8", (s,)), ("onset_ns", "<i8", (s,)), ("since_ns", "<i8", (s,)), ("suspects", "<u8", (s,)),
+        ("excluded", "<i8", (s,)), ("until_ns", "<i8", (s,)), ("relapses", "<i8", (s,)), ("from_ns", "<i8", (s,)),
+        ("offset", "<f8", (s, m)), ("drift", "<f8", (s, m)), ("gain_error", "<f8", (s, m)),
+        ("noise_excess", "<f8", (s,)), ("shadow_size", "<f8", (s, m)), ("model", "<i8"),
+    ])  # fmt: skip
