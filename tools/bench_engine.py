@@ -22,6 +22,7 @@ from fusiond.engine.engine import Engine
 from fusiond.recording.log import open_log
 from fusiond.recording.mcap_writer import McapWriter
 from fusiond.recording.replay import replay
+from fusiond.types import NANOSECONDS
 
 PROJECT = Path(__file__).resolve().parents[1]
 MINICAR = PROJECT / "configs" / "minicar.toml"
@@ -105,14 +106,26 @@ def filterpy_us(states: int, sensors: int) -> float:
 
 
 def bench_step() -> dict[str, float]:
-    """The whole step: five filters at 8 states and 4 sensors, one filter at 15 states; FilterPy beside it. us."""
+    """The whole step: five filters at 8 states and 4 sensors; one at 15 states, dense and strapdown; FilterPy. us."""
     five = linear_assembly(8, 4, bank=True)
     one = linear_assembly(15, 4, bank=False)
     return {
         "five_us": engine_us(five.engine(), linear_readings(five, 4)),
         "fifteen_us": engine_us(one.engine(), linear_readings(one, 4)),
+        "flight_us": flight_engine_us(),
         "filterpy_us": filterpy_us(8, 4),
     }
+
+
+def flight_engine_us() -> float:
+    """The strapdown filter of configs/flight.toml alone, on a simulated flight of 60 s: IMU and all aiding. us."""
+    from fusiond.simulation.flight import flight
+    from tools.pages.trials import configured, records
+
+    assembly = configured("flight", {"filter": {"leave_one_out": False, "local_filters": False}})
+    assert len(assembly.layout.filters) == 1
+    readings, _ = flight(0, 60 * NANOSECONDS)
+    return engine_us(assembly.engine(), records(assembly.layout, sorted(readings, key=lambda one: one.t_ns)))
 
 
 def minicar_log(folder: Path, duration_s: float) -> tuple[Path, Path]:
