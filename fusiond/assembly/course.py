@@ -24,6 +24,8 @@ ALONG = 64
 """Readings along the trial motion of a model that is not linear, at least."""
 DOUBLINGS = 10
 """The filter has settled for two to the power of this many periods."""
+WITNESS = -1
+"""Number of a sensor that the configuration does not have."""
 SMALLEST_NOISE = 1e-12
 """A noise variance below this share of the reading's predicted variance is taken for it: a perfect reading informs
 without limit."""
@@ -36,6 +38,14 @@ class Entry:
     sensor: int
     t_s: float
     readings: int
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """A sensor that is not there: it reads one error state, once in the slowest sensor's period."""
+
+    state: int
+    noise_std: float
 
 
 def slowest_period_s(resolved: Resolved) -> float:
@@ -142,7 +152,22 @@ class _Path:
     hdot: list[Array]
 
 
-def _path(resolved: Resolved, entries: list[Entry], period_s: float, x: Array) -> _Path:
+def _look(
+    resolved: Resolved, trial: Trial, x: Array, turn: int, entry: Entry, witness: Witness | None
+) -> tuple[Array, Array, Array]:
+    """h, H and R of one entry."""
+    if entry.sensor == WITNESS and witness is not None:
+        H = np.zeros((1, len(resolved.process.error_slots)))
+        H[0, witness.state] = 1.0
+        return np.zeros(1), H, np.full((1, 1), witness.noise_std**2)
+    sensor = resolved.sensors[entry.sensor]
+    h, H = trial.look(sensor, x, turn)
+    return h, H, sensor.R / entry.readings
+
+
+def _path(
+    resolved: Resolved, entries: list[Entry], period_s: float, x: Array, witness: Witness | None
+) -> _Path:
     """Walk the trial motion. Its first interval leads from the last entry of the period before."""
     trial = Trial(resolved)
     path = _Path([], [], [], [])
@@ -162,10 +187,9 @@ def _path(resolved: Resolved, entries: list[Entry], period_s: float, x: Array) -
             x = interval.T @ start + interval.B @ u
         if dt_s > 0.0:
             rate = trial.error(start, x) / dt_s
-        sensor = resolved.sensors[entry.sensor]
-        h, H = trial.look(sensor, x, turn)
+        h, H, R = _look(resolved, trial, x, turn, entry, witness)
         path.intervals.append(interval)
-        path.looks.append(_whitened(sensor.R / entry.readings, H))
+        path.looks.append(_whitened(R, H))
         path.h.append(h)
         path.hdot.append(H @ rate)
         if not resolved.process.linear and dt_s > 0.0:
@@ -199,22 +223,38 @@ def _settled_covariance(path: _Path, P: Array) -> Array:
     return 0.5 * (settled + settled.T)
 
 
-def course_of(resolved: Resolved) -> Course:
-    """The healthy course of a configuration."""
+def _entries(resolved: Resolved, witness: Witness | None) -> tuple[list[Entry], float]:
+    """The entries of one period of the course, and how long it is, s."""
     entries, period_s = schedule(resolved)
-    if not resolved.process.linear:
-        times = -(-ALONG // len(entries))
-        entries = [
-            Entry(entry.sensor, entry.t_s + turn * period_s, entry.readings)
-            for turn in range(times)
-            for entry in entries
-        ]
-        period_s *= times
-    path = _path(resolved, entries, period_s, Trial(resolved).start())
+    if witness is not None:
+        entries = [Entry(WITNESS, 0.0, 1), *entries]
+    if resolved.process.linear:
+        return entries, period_s
+    times = -(-ALONG // len(entries))
+    along = [
+        Entry(entry.sensor, entry.t_s + turn * period_s, entry.readings)
+        for turn in range(times)
+        for entry in entries
+    ]
+    return along, period_s * times
+
+
+def witness_of(resolved: Resolved, state: int) -> Witness:
+    """A witness that knows an error state as well as the settled filter does."""
+    entries, period_s = _entries(resolved, None)
+    path = _path(resolved, entries, period_s, Trial(resolved).start(), None)
+    P = _settled_covariance(path, _initial_covariance(resolved))
+    return Witness(state, float(np.sqrt(max(P[state, state], 1e-300))))
+
+
+def course_of(resolved: Resolved, witness: Witness | None = None) -> Course:
+    """The healthy course of a configuration, with a witness beside its sensors or without."""
+    entries, period_s = _entries(resolved, witness)
+    path = _path(resolved, entries, period_s, Trial(resolved).start(), witness)
     P = _settled_covariance(path, _initial_covariance(resolved))
     W, n, k = len(entries), len(P), len(resolved.process.inputs)
     m = max(sensor.model.dof for sensor in resolved.updating)
-    dof = np.array([resolved.sensors[entry.sensor].model.dof for entry in entries])
+    dof = np.array([len(r) for _, r, _ in path.looks])
     course = Course(
         np.array([entry.t_s for entry in entries]), period_s, np.array([entry.sensor for entry in entries]), dof,
         np.zeros((W, m, n)), np.zeros((W, m, n)), np.zeros((W, m)), np.zeros((W, m, m)),
@@ -222,14 +262,21 @@ def course_of(resolved: Resolved) -> Course:
         np.array([interval.B for interval in path.intervals]).reshape(W, n, k),
         np.zeros((W, m)), np.zeros((W, m)), not resolved.process.linear or k > 0,
     )  # fmt: skip
-    for place, (interval, (H, r, D)) in enumerate(zip(path.intervals, path.looks, strict=True)):
-        P = interval.T @ P @ interval.T.T + interval.Q
-        for c in range(dof[place]):
-            S = H[c] @ P @ H[c] + r[c]
-            gain = P @ H[c] / S if S > 0.0 else np.zeros(n)
-            P = P - np.outer(gain, gain) * S
-            course.root[place, c], course.H[place, c], course.K[place, c] = np.sqrt(max(S, 0.0)), H[c], gain
-            course.D[place, c, : dof[place]] = D[c]
-        course.h[place, : dof[place]], course.hdot[place, : dof[place]] = path.h[place], path.hdot[place]
-        P = 0.5 * (P + P.T)
+    for place in range(W):
+        P = _fill(course, path, place, P)
     return course
+
+
+def _fill(course: Course, path: _Path, place: int, P: Array) -> Array:
+    """Write one entry of the course and return the covariance after it."""
+    interval, (H, r, D) = path.intervals[place], path.looks[place]
+    dof = len(r)
+    P = interval.T @ P @ interval.T.T + interval.Q
+    for c in range(dof):
+        S = H[c] @ P @ H[c] + r[c]
+        gain = P @ H[c] / S if S > 0.0 else np.zeros(len(P))
+        P = P - np.outer(gain, gain) * S
+        course.root[place, c], course.H[place, c], course.K[place, c] = np.sqrt(max(S, 0.0)), H[c], gain
+        course.D[place, c, :dof] = D[c]
+    course.h[place, :dof], course.hdot[place, :dof] = path.h[place], path.hdot[place]
+    return 0.5 * (P + P.T)

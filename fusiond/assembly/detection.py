@@ -165,9 +165,7 @@ def count_tests(found: Signatures, ladders: list[Ladder], updating: int) -> floa
     The cells, those that alarm together counted once; two for the variance and two for the whiteness of each updating
     sensor; two for the pooled variance, and one for all values that freeze (continuous ones never do).
     """
-    lasting = np.diagonal(found.steady) > 0.0
-    information = np.where(np.outer(lasting, lasting), found.steady, found.total)
-    counts = independent(information)
+    counts = independent(found.correlation())
     cells = sum(
         float(count) * 2.0 * float(steps.shares.sum()) * alone(len(steps.sizes))
         for count, steps in zip(counts, ladders, strict=True)

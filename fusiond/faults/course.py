@@ -7,6 +7,7 @@ unit fault of raw channel ch does to decorrelated channel c; `T`, `B` lead from 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -98,6 +99,23 @@ class Signatures:
     steady: Matrix
     total: Matrix
     duration_s: float
+
+    def products(self, chosen: Sequence[int]) -> Matrix:
+        """Inner products of the chosen suspects' signatures: in the long run where all last, else of the trial."""
+        pick = np.ix_(chosen, chosen)
+        lasting = np.all(np.diagonal(self.steady)[list(chosen)] > 0.0)
+        return self.steady[pick] if lasting else self.total[pick]
+
+    def correlation(self) -> Matrix:
+        """(suspects, suspects) of the signatures, pair by pair as in `products`."""
+        count = len(self.suspects)
+        found = np.eye(count)
+        for i in range(count):
+            for j in range(i):
+                both = self.products((i, j))
+                scale = np.sqrt(both[0, 0] * both[1, 1])
+                found[i, j] = found[j, i] = both[0, 1] / scale if scale > 0.0 else 0.0
+        return found
 
 
 Growth = Literal["constant", "ramp", "scale", "delay"]

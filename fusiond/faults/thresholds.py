@@ -46,32 +46,13 @@ ROBUST = (0.06, 0.002)
 """dead_band and studentise of the two profiles: the declared noise is right; or wrong by up to a third."""
 
 
-def merged(information: Matrix, same: float = SAME) -> list[list[int]]:
-    """Suspects whose signatures correlate, in size, above `same`, in groups (transitive).
-
-    Args:
-        information: (s, s) inner products of the signatures.
-    """
-    scale = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
-    alike = np.abs(information) >= same * np.outer(scale, scale)
-    groups: list[list[int]] = []
-    for i in range(len(information)):
-        joined = [group for group in groups if any(alike[i, j] for j in group)]
-        groups = [group for group in groups if group not in joined]
-        groups.append(sorted([i, *(j for group in joined for j in group)]))
-    return sorted(groups)
-
-
-def independent(information: Matrix) -> Vector:
+def independent(correlation: Matrix) -> Vector:
     """(s,) how many suspects each stands for, in the count of independent false alarms: 1 alone, 1/2 as one of twins.
 
     Args:
-        information: (s, s) inner products of the signatures.
+        correlation: (s, s) of the suspects' signatures.
     """
-    scale = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
-    alike = np.minimum(np.abs(information) / np.outer(scale, scale), 1.0) ** ALIKE
-    np.fill_diagonal(alike, 1.0)
-    counts: Vector = 1.0 / alike.sum(axis=1)
+    counts: Vector = 1.0 / np.sum(np.minimum(np.abs(correlation), 1.0) ** ALIKE, axis=1)
     return counts
 
 
