@@ -16,7 +16,7 @@ a stream of its own, so that one more or less changes no other. A fault whose si
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,10 +130,11 @@ class SensorFaults:
         met = [effect.fault for effect in every if effect.hits]
         return [fault for fault in self.faults if not fault.harmless and fault not in met]
 
-    def met(self, t_ns: int) -> tuple[Fault, ...]:
-        """The faults that meet a reading of this stamp."""
-        every = (*self._delays, *self._in_value, *self._in_sending)
-        return tuple(effect.fault for effect in every if effect.begin_ns <= t_ns < effect.end_ns)
+    def learn(self, channels: int, sigma: tuple[float, ...] | None = None) -> None:
+        """What the readings tell of a sensor of which nobody said it."""
+        known = self.sensor
+        channels = channels if known.channels is None else known.channels
+        self.sensor = replace(known, channels=channels, sigma=known.sigma or sigma)
 
     def _begin(self, fault: Fault) -> None:
         assert self.origin_ns is not None

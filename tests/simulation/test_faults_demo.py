@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import subprocess
+import sys
 
 import pytest
 from rich.console import Console
@@ -100,3 +102,29 @@ def test_a_lying_sensors_readings_may_be_rejected_but_not_lost(used, rejected, o
 def test_a_fault_of_no_sensor_is_the_operators_mistake():
     with pytest.raises(ConfigError, match="no sensor `ultrasonc`; did you mean `ultrasonic`"):
         lying_rig("minicar", 0, ["ultrasonc.bias=1@0"])
+
+
+def test_the_whole_story_is_told_with_real_processes():
+    """Three seconds of plant and daemon: a fault is shown while it is on; what is sent is taken, and repeatable."""
+    words = [
+        "--for",
+        "3",
+        "--inject",
+        BIAS.replace("@10+5", "@0.5+2"),
+        "--inject",
+        "accelerometer.nan@1+0.01",
+    ]
+    done = subprocess.run(
+        [sys.executable, "-m", "fusiond.cli", "demo", *words],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    told = [one for one in done.stdout.splitlines() if " s | " in one]
+    assert any("INJECTING ultrasonic.bias=0.5@0.5+2 (since 0.5 s until 2.5 s)" in one for one in told)
+    assert "INJECTING" not in told[-1]
+    assert "10 rejected" in told[-1]
+    assert "holds: no loss: every reading sent was taken: 3000 accelerometer, 101 ultrasonic" in done.stdout
+    assert "holds: repeatable" in done.stdout

@@ -269,15 +269,17 @@ TEXTS = [
     texts=st.lists(st.sampled_from(TEXTS), max_size=6),
     cuts=st.lists(st.integers(0, len(T_NS)), max_size=8),
     swaps=st.lists(st.tuples(st.integers(0, len(T_NS) - 1), st.integers(1, 5)), max_size=8),
+    twins=st.lists(st.integers(1, len(T_NS) - 1), max_size=8),
     seed=st.integers(0, 5),
 )
-def test_however_readings_are_cut_into_batches_the_bits_are_the_same(texts, cuts, swaps, seed):
-    """Several faults at once, readings out of order among them: one batch, any batches, one by one."""
+def test_however_readings_are_cut_into_batches_the_bits_are_the_same(texts, cuts, swaps, twins, seed):
+    """Several faults at once, readings out of order or of equal stamps: one batch, any batches, one by one."""
     order = np.arange(len(T_NS))
     for at, by in swaps:
         to = min(at + by, len(T_NS) - 1)
         order[[at, to]] = order[[to, at]]
     t_ns, z = T_NS[order], Z[order]
+    t_ns[twins] = t_ns[np.array(twins, dtype=int) - 1]
     whole_z, whole_keep = lying(*texts, seed=seed).apply(t_ns, z)
     for edges in ([0, *sorted(cuts), len(t_ns)], range(len(t_ns) + 1)):
         faults = lying(*texts, seed=seed)
