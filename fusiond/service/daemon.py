@@ -26,7 +26,7 @@ from fusiond.service.sessions import Sessions, open_sessions
 from fusiond.service.settings import Settings, settings_of
 from fusiond.service.status import configuration, status
 from fusiond.service.telemetry import Voice
-from fusiond.service.tracklet_outputs import tracklet_outputs
+from fusiond.service.tracklet_outputs import TrackletOutputs
 from fusiond.service.wire import Decoder, take
 from fusiond.types import RESET, TICK, Health, ServiceHealth, seconds
 
@@ -166,7 +166,7 @@ class Daemon:
         self._locals = LocalOutputs(
             self.sessions.control, self.engine, settings.prefix, epoch=self.epoch, publish_hz=settings.publish_hz,
         )  # fmt: skip
-        self._tracklets = tracklet_outputs(self.sessions.control, self.assembly, settings.sends, self.epoch)
+        self._tracklets = TrackletOutputs(self.sessions.control, self.assembly, settings.sends, self.epoch)
         answers = {"status": self._status, "config": self._config, "command/reset": self._reset}
         self._admin = Admin(self.sessions.admin, settings.prefix, answers, self._wake)
         self._threads_end.append(self._admin.close)
@@ -282,7 +282,15 @@ class Daemon:
             parity=self._locals.status(), repairs=self.engine.repairs, guard=self.engine.guard(),
             state_sha256=self.engine.state_sha256(),
             recorder=self._recorder,
-        ) | {"role": self.settings.role, "nodes": self._nodes.status()}  # fmt: skip
+        ) | self._part_status()  # fmt: skip
+
+    def _part_status(self) -> dict[str, Any]:
+        """What this machine is among several."""
+        return {
+            "role": self.settings.role,
+            "nodes": self._nodes.status(),
+            "withheld": self._tracklets.withheld,
+        }
 
     def _config(self, _: Mapping[str, Any]) -> dict[str, Any]:
         return configuration(self.assembly.config, self.assembly.layout)

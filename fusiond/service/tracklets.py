@@ -1,13 +1,12 @@
-"""What a node sends: each used reading, with its model linearised where the node's own filter was.
+"""What a node sends: each used reading, with its model linearised at an estimate of that time.
 
-Its sequence numbers are the node's own, so that a gap at the center is a loss between the two; they go on growing
-when a node starts anew. Layout of the numbers: `fusiond.models.sensors.tracklet`.
+A linear model is the same everywhere; one that bends is linearised at the center's estimate, at the node's own while
+the center has none (`fusiond.service.center_view`). Sequence numbers are the node's, so that a gap at the center is a
+loss between the two; they go on growing when a node starts anew. Layout: `fusiond.models.sensors.tracklet`.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections import deque
 from typing import Any
 
 import numpy as np
@@ -16,55 +15,18 @@ from numpy.typing import NDArray
 from fusiond.assembly.resolve import Resolved, ResolvedSensor
 from fusiond.engine.layout import Layout
 from fusiond.engine.records import HAS_R
-from fusiond.numerics.discretise import wrap_angle
 from fusiond.numerics.kernel import interpreted
 from fusiond.service import reading_json, reading_record
+from fusiond.service.center_view import CenterView
+from fusiond.service.roles import bends
+from fusiond.service.state_path import StatePath, Vector
 from fusiond.types import Action, Role, Verdict, nanoseconds
 
-Vector = NDArray[np.float64]
 Put = tuple[int, str, bytes]
 """Sensor number, encoding, payload."""
 USED, HELD, REPLAYED = int(Verdict.USED), int(Verdict.HELD), int(Action.REPLAYED)
 EPOCH_BITS = 22
 """Sequence numbers in a millisecond of epoch: more than any node sends."""
-KEPT_STATES = 1024
-
-
-class StatePath:
-    """Where the filter was lately: what a late reading is linearised at.
-
-    Args:
-        angles: (states,) whether a state is an angle, rad.
-    """
-
-    def __init__(self, angles: NDArray[np.bool_]) -> None:
-        self._angles = angles
-        self._t_ns: deque[int] = deque(maxlen=KEPT_STATES)
-        self._x: deque[Vector] = deque(maxlen=KEPT_STATES)
-
-    def note(self, t_ns: int, x: Vector) -> None:
-        """Remember a state, no older than the last; of one time the newest counts."""
-        if self._t_ns and t_ns == self._t_ns[-1]:
-            self._x[-1] = x
-        elif not self._t_ns or t_ns > self._t_ns[-1]:
-            self._t_ns.append(t_ns)
-            self._x.append(x)
-        else:  # the time base jumped back
-            self._t_ns.clear()
-            self._x.clear()
-            self.note(t_ns, x)
-
-    def at(self, t_ns: int) -> Vector:
-        """The state then, between the two remembered around it; the first or last beyond them."""
-        after = bisect_right(self._t_ns, t_ns)
-        if after == 0 or after == len(self._t_ns):
-            return self._x[0 if after == 0 else -1]
-        before_ns, before = self._t_ns[after - 1], self._x[after - 1]
-        apart = self._x[after] - before
-        turn = interpreted(wrap_angle)
-        apart = np.array([turn(a) if angle else a for a, angle in zip(apart, self._angles, strict=True)])
-        moved: Vector = before + apart * ((t_ns - before_ns) / (self._t_ns[after] - before_ns))
-        return moved
 
 
 class Tracklets:
@@ -72,6 +34,7 @@ class Tracklets:
 
     Args:
         resolved, layout: of the node's part of the configuration.   epoch: ms since 1970 when this engine began.
+    `withheld` counts, for each sensor by number, the readings that nobody knew where to linearise.
     """
 
     def __init__(self, resolved: Resolved, layout: Layout, epoch: int) -> None:
@@ -82,6 +45,10 @@ class Tracklets:
         }
         angles = np.array([slot.name in resolved.process.angles for slot in layout.states])
         self._path = StatePath(angles)
+        names = [slot.name for slot in layout.states]
+        self.center = CenterView(names, angles, nanoseconds(resolved.config.health.invalid_s))
+        self.bent = frozenset(k for k, one in self._models.items() if bends(resolved, one))
+        self.withheld = dict.fromkeys(self._models, 0)
         self._seq = dict.fromkeys(self._models, epoch << EPOCH_BITS)
         self._last: dict[int, list[float]] = {}
 
@@ -111,17 +78,31 @@ class Tracklets:
         verdict = int(report["verdict"])
         if verdict == HELD:
             return self._last.get(number)
-        x = np.array(report["x"], dtype=np.float64)
-        if verdict != USED or not np.isfinite(x).all():
+        own = np.array(report["x"], dtype=np.float64)
+        if verdict != USED or not np.isfinite(own).all():
             return None
-        sensor = self._models[number]
-        if int(report["action"]) == REPLAYED:
-            assert sensor.section is not None
-            x = self._path.at(int(report["t_ns"]) - nanoseconds(sensor.section.delay_s))
-        else:
-            self._path.note(int(report["state_t_ns"]), x)
-        self._last[number] = linearised(sensor, self._at[number], reading["z"], x)
+        x = self._point(number, report, own)
+        if x is None:
+            self.withheld[number] += 1
+            return None
+        self._last[number] = linearised(self._models[number], self._at[number], reading["z"], x)
         return self._last[number]
+
+    def _point(self, number: int, report: Any, own: Vector) -> Vector | None:
+        """Where to linearise one reading, given the node's own newest state; None while that is not known."""
+        section = self._models[number].section
+        assert section is not None
+        t_ns = int(report["t_ns"]) - nanoseconds(section.delay_s)
+        if int(report["action"]) == REPLAYED:
+            own = self._path.at(t_ns)
+        else:
+            self._path.note(int(report["state_t_ns"]), own)
+        if number not in self.bent:
+            return own
+        where = self.center.where(t_ns)
+        if not where.known:
+            return None
+        return own if where.x is None else where.x
 
     def _encoded(self, number: int, reading: Any, numbers: list[float]) -> bytes | str:
         """One reading on the wire: packed, or as JSON where it brought an R with covariances."""

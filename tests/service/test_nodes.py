@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zenoh
 
 from fusiond.assembly.assembly import assemble
 from fusiond.assembly.resolve import resolve
@@ -22,10 +24,13 @@ from fusiond.models.catalogue import PROCESSES, SENSORS
 from fusiond.numerics.kernel import interpreted
 from fusiond.recording.log import open_log
 from fusiond.recording.replay import replay
-from fusiond.service import roles
+from fusiond.service import output_record, reading_record, roles
 from fusiond.service.client import SensorPublisher, ask
 from fusiond.service.sessions import open_session, session_options
-from fusiond.service.tracklets import StatePath, Tracklets, linearised
+from fusiond.service.settings import settings_of
+from fusiond.service.state_path import StatePath
+from fusiond.service.tracklet_outputs import TrackletOutputs
+from fusiond.service.tracklets import Tracklets, linearised
 from fusiond.service.wire import Decoder
 from fusiond.simulation.registry import simulate
 from fusiond.types import Verdict
@@ -232,6 +237,80 @@ def test_a_late_reading_is_linearised_where_the_filter_was_then():
     assert path.at(101)[0] == 10.0
     path.note(-50, np.array([7.0, 0.0]))
     assert path.at(0)[0] == 7.0, "time went back: what was before it counts no more"
+
+
+def test_a_sensor_that_bends_is_linearised_at_the_centers_estimate():
+    """A node born far from its configured start would send a wrong H: it waits until it hears where it is."""
+    config = roles.part_of(roles.cast(parse(PLANE, "plane"), "mast"), PROJECT)
+    node = assemble(config, PROJECT)
+    tracklets = Tracklets(node.resolved, node.layout, 1)
+    reading, report = np.zeros(1, node.layout.reading), np.zeros(1, node.layout.report)
+    reading["length"], report["t_ns"], report["state_t_ns"] = 2, 10**9, 10**9
+    report["x"][0] = [3.0, 4.0, 0.0, 5.0, 0.0, 0.0]
+    at_yaw = -1
+
+    assert tracklets.puts(reading, report) == []
+    tracklets.center.health({"service": "nominal"})
+    assert tracklets.puts(reading, report) == [], "the center knows where it is, and has not told yet"
+    assert tracklets.withheld == {0: 2}
+
+    state = {"x": 300.0, "y": 0.0, "yaw": 1.5, "speed": 5.0, "yaw_rate": 0.0, "gyro_bias": 0.0}
+    tracklets.center.estimate({"health": "nominal", "state": state, "t_ns": 10**9 - 10**7})
+    assert numbers_of(tracklets.puts(reading, report))[at_yaw] == 1.5
+    tracklets.center.estimate({"health": "nominal", "state": list(state.values()), "t_ns": 10**9 + 10**7})
+    assert numbers_of(tracklets.puts(reading, report))[at_yaw] == 1.5
+
+    tracklets.center.estimate({"health": "invalid", "state": {}, "t_ns": 0})
+    assert numbers_of(tracklets.puts(reading, report))[at_yaw] == 0.0, (
+        "nobody knows better than the node itself"
+    )
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_node_hears_the_center_over_the_wire(packed):
+    """Its estimate as JSON or as a record; before it, nothing of a sensor that bends goes out."""
+    config = roles.part_of(roles.cast(parse(PLANE, "plane"), "mast"), PROJECT)
+    node = assemble(config, PROJECT)
+    reading, report = np.zeros(1, node.layout.reading), np.zeros(1, node.layout.report)
+    reading["length"], report["t_ns"], report["state_t_ns"] = 2, 10**9, 10**9
+    x = (300.0, 0.0, 1.5, 5.0, 0.0, 0.0)
+    content = {
+        "health": "nominal",
+        "t_ns": 10**9,
+        "state": dict(zip([s.name for s in node.layout.states], x, strict=True)),
+    }
+    payload, encoding = json.dumps(content).encode(), "application/json"
+    if packed:
+        payload = output_record.encode_estimate(10**9, 1, 1, 0, x, x, x, 0)
+        encoding = output_record.ESTIMATE_ENCODING
+    with open_session(session_options("peer", listen=["tcp/127.0.0.1:0"])) as session:
+        keys = settings_of(node.config, node.layout, (), ()).sends
+        assert keys == {"gps": "fusiond/plane/sensor/gps"}
+        center = session.declare_subscriber(keys["gps"], zenoh.handlers.RingChannel(8))
+        outputs = TrackletOutputs(session, node, keys, 1)
+        outputs.publish(reading, report)
+        assert outputs.withheld == {"gps": 1}
+        session.put("fusiond/plane/estimate", b"nonsense")
+        outputs.publish(reading, report)
+        assert outputs.withheld == {"gps": 2}
+        session.put("fusiond/plane/estimate", payload, encoding=encoding)
+        outputs.publish(reading, report)
+        assert outputs.withheld == {"gps": 2}
+        sample = center.recv()
+        assert numbers_of([(0, str(sample.encoding), sample.payload.to_bytes())])[-1] == 1.5
+        assert center.try_recv() is None
+
+
+def numbers_of(puts):
+    """The numbers of the one record in the one put."""
+    ((_, encoding, payload),) = puts
+    assert encoding == reading_record.ENCODING
+    return np.frombuffer(payload[reading_record.HEADER.size : -reading_record.CRC.size])
+
+
+def test_a_linear_sensor_waits_for_nobody():
+    node = part(TEXT, "left")
+    assert Tracklets(node.resolved, node.layout, 1).bent == frozenset()
 
 
 MISTAKES = {

@@ -1,6 +1,6 @@
 """Measure seed 004's filters and fusion modes and write docs/seed_004.md with its pictures.
 
-python -m tools.pages.seed_004_page            measure everything, write the page and docs/pictures (2 minutes)
+python -m tools.pages.seed_004_page            measure everything, write the page and docs/pictures (10 minutes)
 python -m tools.pages.seed_004_page --check    measure the cheap rows again; exit 1 where the page differs
 """
 

@@ -12,6 +12,7 @@ import numpy as np
 from fusiond.fusion.federated import shares
 from tools.pages import bank_truth, exact_modes, ill_conditioned
 from tools.pages.bank_truth import Known, System
+from tools.pages.node_rows import nodes
 from tools.pages.seed_004_modes import PRIOR, Ratios, plant, ratios, replayed, singular_start
 from tools.pages.seed_row import Row, between, near, within
 
@@ -292,5 +293,6 @@ SECTIONS: dict[str, Callable[[], list[Row]]] = {
     "diverging": diverging,
     "exact": exact,
     "decentralized": decentralized,
+    "nodes": nodes,
     "rounding": rounding,
 }

@@ -1,4 +1,4 @@
-"""What another machine's filter learnt from one reading: the reading, and its model linearised where that filter was.
+"""What another machine learnt from one reading: the reading, and its model linearised at an estimate of that time.
 
     h(x) = h_there + H (x - x_there),   z = [measured; h_there; H row by row; x_there]
 
@@ -55,7 +55,7 @@ def describe(
         measured=len(measured),
         wraps=tuple(wraps or ()),
         parameters=(float(len(measured)), float(len(states)), *circular, *flatten(H)),
-        # No reading may carry NaN: at design time it stands for a reading not yet taken.
+        # No reading may carry NaN, so at design time it stands for a reading not yet taken.
         indices=(float("nan"),),
     )
 
