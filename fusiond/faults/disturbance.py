@@ -17,6 +17,8 @@ from fusiond.faults.response import Response
 from fusiond.faults.spread import pooled
 from fusiond.numerics.ud import Matrix
 
+RARITY = 3.0
+"""Log odds, beforehand, of one sensor's fault over a failure of the model."""
 RANK = 1e-8
 """Directions of the state with a smaller share of the largest information are not seen."""
 
@@ -44,4 +46,4 @@ def _moved(response: Response) -> float:
 def model_score(response: Response) -> float:
     """Score of the better of the two explanations that convict the model, comparable to that of a `Fit`."""
     scatter = pooled(response) - PARAMETER - float(np.log(len(response)))
-    return max(_moved(response), scatter)
+    return max(_moved(response), scatter) - RARITY

@@ -101,13 +101,8 @@ def isolate(response: Response, hypotheses: Sequence[Hypothesis], margins: Margi
     places = _best_of_places(fits)
     model = model_score(response) if len(np.unique(response.sensor)) > 1 else -math.inf
     if model - best.score >= margins.place:
-        return replace(
-            nothing,
-            outcome=Outcome.MODEL,
-            fit=best,
-            margin=model - best.score,
-            confidence=_share([model], places),
-        )
+        convicted = replace(nothing, outcome=Outcome.MODEL, fit=best, margin=model - best.score)
+        return _two(response, hypotheses, fits, model + margins.place, margins) or convicted
     surplus = _surplus(response, best.onset, best.removed, len(best.size))
     if surplus > margins.misfit:
         return _unexplained(response, hypotheses, fits, margins)
@@ -159,7 +154,8 @@ def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: M
     choice = choose_kind([fit for fit in fits if fit.place == best.place])
     rivals = places[1:]
     margin = min([best.score - rival.score for rival in rivals] + [best.score, best.score - model])
-    standing, hope = [best], best.score - model < 0.0
+    # a model that scatters more than it should looks much like one noisy sensor
+    standing, hope = [best], best.score - model < (margins.place if best.kind is Kind.NOISE else 0.0)
     for rival in rivals:
         ahead = best.score - rival.score
         if ahead >= margins.sudden:
@@ -172,7 +168,7 @@ def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: M
     confidence = _share([fit.score for fit in standing], places)
     outcome = Outcome.ONE if len(best.place) == 1 else Outcome.GROUP
     if len(standing) > 1:
-        outcome = Outcome.UNDECIDED if hope else Outcome.AMBIGUOUS
+        outcome = Outcome.UNDECIDED if hope or choice.kind is Kind.NONE else Outcome.AMBIGUOUS
     elif hope or choice.kind is Kind.NONE:
         outcome = Outcome.UNDECIDED
     return Finding(outcome, sensors, best, choice, margin, confidence)
@@ -197,21 +193,29 @@ def _unexplained(
         return Finding(
             outcome, sensors, alone[0], choice, ahead, _share([alone[0].score], places), fits=False
         )
-    best = places[0]
-    choice = choose_kind([fit for fit in fits if fit.place == best.place])
-    also = _second(response, hypotheses, best)
-    if also is not None:
-        left = _pair(response, best, also)
-        if (
-            _surplus(response, min(best.onset, also.onset), left, len(best.size) + len(also.size))
-            <= margins.misfit
-        ):
-            sensors = tuple(sorted({*best.place, *also.place}))
-            return Finding(
-                Outcome.ONE, best.place, best, choice, 0.0, _share([best.score], places), also=also
-            )
+    two = _two(response, hypotheses, fits, -math.inf, margins)
+    if two is not None:
+        return two
     sensors = tuple(sorted({sensor for fit in places for sensor in fit.place}))
-    return Finding(Outcome.MODEL, sensors, best, choice, 0.0, 0.0, fits=False)
+    return Finding(Outcome.MODEL, sensors, places[0], Choice(Kind.NONE), 0.0, 0.0, fits=False)
+
+
+def _two(
+    response: Response, hypotheses: Sequence[Hypothesis], fits: Sequence[Fit], least: float, margins: Margins
+) -> Finding | None:
+    """The best place and a second one, where both together score at least `least` and leave only noise over."""
+    best = fits[0]
+    also = _second(response, hypotheses, best)
+    if also is None or also.score < margins.place:
+        return None
+    removed = _pair(response, best, also)
+    score = 0.5 * removed - (best.glr - best.score) - (also.glr - also.score)
+    surplus = _surplus(response, min(best.onset, also.onset), removed, len(best.size) + len(also.size))
+    if score < least or surplus > margins.misfit:
+        return None
+    choice = choose_kind([fit for fit in fits if fit.place == best.place])
+    outcome = Outcome.ONE if len(best.place) == 1 else Outcome.GROUP
+    return Finding(outcome, best.place, best, choice, score - max(least, best.score), 1.0, also=also)
 
 
 def _second(response: Response, hypotheses: Sequence[Hypothesis], first: Fit) -> Fit | None:
