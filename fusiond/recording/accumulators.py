@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.errors import LogError
+from fusiond.recording.fault_words import FaultObject
 from fusiond.recording.summary import SensorSummary
 from fusiond.recording.truth import Truth
 from fusiond.types import Health, Role, Verdict
@@ -58,8 +60,10 @@ class SensorSums:
         totals = self.verdicts.sum(axis=0)
         return {v: int(totals[v]) for v in Verdict if v != Verdict.USED and totals[v]}
 
-    def summaries(self, health: NDArray[np.int32] | None) -> dict[str, SensorSummary]:
-        """One summary for each sensor; `health` as in the last report, None before any."""
+    def summaries(
+        self, health: NDArray[np.int32] | None, faults: Callable[[int], tuple[FaultObject, ...]]
+    ) -> dict[str, SensorSummary]:
+        """One summary for each sensor; `health` as in the last report, None before any; `faults` by its number."""
         out = {}
         for sensor in self._layout.sensors:
             counts = self.verdicts[sensor.number]
@@ -72,6 +76,7 @@ class SensorSums:
                 health=(Health.HEALTHY if health is None else Health(int(health[sensor.number]))).label,
                 nis_mean=float(self._nis_sum[sensor.number] / n) if n else None,
                 verdicts={v.label: int(counts[v]) for v in Verdict if counts[v]},
+                faults=faults(sensor.number),
             )
         return out
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fusiond.engine.engine import Engine
 from fusiond.recording.accumulators import SensorSums, TruthSums
 from fusiond.recording.digest import OutputDigest
+from fusiond.recording.fault_log import FaultLog
 from fusiond.recording.mcap_writer import McapWriter
 from fusiond.recording.refusals import Refusals
 from fusiond.recording.summary import Summary
@@ -73,6 +74,7 @@ class Run:
         self._thinning = Thinning(estimate_hz)
         self._estimates = 0
         self._sensors = SensorSums(engine.layout)
+        self._faults = FaultLog(engine.layout)
         self._truth = None if truth is None else TruthSums(engine.layout, truth, engine.outputs)
         self._digest = OutputDigest()
         self._last: Any = None
@@ -87,6 +89,7 @@ class Run:
         self._digest.update(reports)
         updating = self._sensors.updating(reports)
         self._readings += self._sensors.add(reports, updating)
+        self._faults.add(reports)
         if self._truth is not None and updating.any():
             P = self._engine.covariances[: len(reports)][updating] if covariances else None
             self._truth.add(reports[updating], P)
@@ -112,7 +115,7 @@ class Run:
             nees_mean=truth.nees_mean() if truth else None,
             nees_dof=len(truth.state_columns) if truth else 0,
             compared=truth.count if truth else 0,
-            sensors=self._sensors.summaries(health),
+            sensors=self._sensors.summaries(health, self._faults.faults),
             refused=refused,
             resets=int(self._engine.track["resets"][0]),
             output_sha256=self._digest.hexdigest(),
@@ -123,6 +126,7 @@ class Run:
                 *(refusals.messages() if refusals else []),
                 *(f"truth: the model has no {name}; that column was not compared" for name in unused),
             ],
+            model_alarms=self._faults.alarms(),
         )
 
     def _final(self) -> dict[str, Any]:

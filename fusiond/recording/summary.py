@@ -12,7 +12,7 @@ class SensorSummary:
 
     Args:
         nis_mean: over the readings used, None for an input or where none was used.
-        verdicts: readings by the name of their verdict.
+        verdicts: readings by the name of their verdict.      faults: found wrong with it (`fault_log`).
     """
 
     used: int
@@ -48,6 +48,7 @@ class Summary:
         refused: by reason, what the engine refused and what never became a reading.
         repairs: covariances that had to be repaired; the UD recursion needs none.
         guard: what the guard of the covariance met (`Engine.guard`); empty with a compiled step.
+        model_alarms: when the model, not a sensor, was thought wrong.
     """
 
     readings: int
@@ -65,6 +66,7 @@ class Summary:
     repairs: int = 0
     guard: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    model_alarms: list[dict[str, Any]] = field(default_factory=list)
 
     def json_object(self) -> dict[str, Any]:
         """The object of the contract; `rmse` and `nees_mean` only with truth."""
@@ -73,7 +75,7 @@ class Summary:
             out |= {"rmse": self.rmse, "nees_mean": self.nees_mean, "nees_dof": self.nees_dof}
             out["compared"] = self.compared
         return out | {
-            "model": {"alarms": []},
+            "model": {"alarms": self.model_alarms},
             "sensors": {name: sensor.json_object() for name, sensor in self.sensors.items()},
             "refused": self.refused,
             "resets": self.resets,
