@@ -12,6 +12,7 @@ import zenoh
 from numpy.typing import NDArray
 
 from fusiond.engine.records import HAS_ARRIVAL
+from fusiond.recording.fault_words import fault_text
 from fusiond.service.admin import Admin
 from fusiond.service.clock import Clock
 from fusiond.service.counters import Counters
@@ -22,19 +23,22 @@ from fusiond.service.mailbox import Arrival, Mailbox
 from fusiond.service.node_watch import NodeWatch
 from fusiond.service.notify import Notifier
 from fusiond.service.outputs import Outputs
+from fusiond.service.report_ring import ReportRing
 from fusiond.service.sessions import Sessions, open_sessions
 from fusiond.service.settings import Settings, settings_of
 from fusiond.service.status import configuration, status
 from fusiond.service.telemetry import Voice
 from fusiond.service.tracklet_outputs import TrackletOutputs
+from fusiond.service.why import why
 from fusiond.service.wire import Decoder, take
 from fusiond.types import RESET, TICK, Health, ServiceHealth, seconds
 
 WHY = {
-    ServiceHealth.DEGRADED.label: "; a sensor is silent, the rest still corrects the state",
+    ServiceHealth.DEGRADED.label: "; a sensor is not as it should be, the rest still corrects the state",
     ServiceHealth.DEAD_RECKONING.label: "; nothing corrected the state within health.dead_reckoning_s",
     ServiceHealth.INVALID.label: "; reset, not finite, or nothing corrected the state within health.invalid_s",
 }
+MODEL = "; no sensor explains the innovations, the model does not describe what is measured"
 HOUSEKEEPING_NS = 1_000_000_000
 LONGEST_WAIT_NS = 100_000_000
 """Longest sleep of the loop: a stop, and the watchdog, never wait longer."""
@@ -107,7 +111,7 @@ class Daemon:
         self.epoch = self.started_ns // 1_000_000
         self._complained: dict[str, int] = {}
         self._decoder, self._counters, self._watch = Decoder(layout), Counters(layout), HealthWatch(layout)
-        self._nodes = NodeWatch(layout, settings.nodes)
+        self._nodes, self._ring = NodeWatch(layout, settings.nodes), ReportRing(layout)
         self._event = np.zeros(1, layout.reading)
         self._event["flags"] = HAS_ARRIVAL
         self._tick_period_ns = round(1e9 / settings.tick_hz)
@@ -167,7 +171,9 @@ class Daemon:
             self.sessions.control, self.engine, settings.prefix, epoch=self.epoch, publish_hz=settings.publish_hz,
         )  # fmt: skip
         self._tracklets = TrackletOutputs(self.sessions.control, self.assembly, settings.sends, self.epoch)
-        answers = {"status": self._status, "config": self._config, "command/reset": self._reset}
+        answers = {
+            "status": self._status, "why": self._why, "config": self._config, "command/reset": self._reset,
+        }  # fmt: skip
         self._admin = Admin(self.sessions.admin, settings.prefix, answers, self._wake)
         self._threads_end.append(self._admin.close)
         with self.mailbox.baton:  # nobody works before all is there
@@ -199,7 +205,9 @@ class Daemon:
         self._outputs.publish(reports)
         self._tracklets.publish(readings, reports)
         self._locals.publish(reports)
-        for change in self._watch.observe(reports):
+        changes = self._watch.observe(reports)
+        self._ring.note(reports, changes)
+        for change in changes:
             self._outputs.transition(change)
             self._tell(change)
             self._housekeeping_due_ns = 0
@@ -262,11 +270,13 @@ class Daemon:
         subject = self._nodes.subject(change.sensor) if change.sensor else "service"
         text = f"{subject}: {change.before} -> {change.after}"
         if change.sensor is None:
-            text += WHY.get(change.after, "")
+            text += MODEL if change.model else WHY.get(change.after, "")
         elif change.after == Health.SILENT.label:
             number = self.assembly.layout.numbers[change.sensor]
             limit_s = seconds(int(self.assembly.design["silence_ns"][0, number]))
             text = f"{subject}: silent (limit {limit_s:g} s); withheld until its next reading"
+        elif change.fault is not None:
+            text += f"; {fault_text(change.fault)}"
         self.voice.info(text, t_s=change.t_ns / 1e9)
 
     def _say(self, topic: str, payload: bytes, t_ns: int) -> None:
@@ -291,6 +301,9 @@ class Daemon:
             "nodes": self._nodes.status(),
             "withheld": self._tracklets.withheld,
         }
+
+    def _why(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        return why(self._ring, self.assembly.layout, asked)
 
     def _config(self, _: Mapping[str, Any]) -> dict[str, Any]:
         return configuration(self.assembly.config, self.assembly.layout)

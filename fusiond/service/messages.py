@@ -15,6 +15,7 @@ from typing import Any
 import orjson
 
 from fusiond.engine.layout import Layout
+from fusiond.recording.fault_words import FaultObject, fault_object
 from fusiond.types import Action, Health, ServiceHealth, Verdict
 
 SERVICE_LABELS = [health.label for health in ServiceHealth]
@@ -86,16 +87,33 @@ class ControlMessage:
         }
 
 
-def health_message(t_ns: int, seq: int, epoch: int, service: int, sensors: Mapping[str, int]) -> Message:
-    """Health of the service and of every sensor, by name."""
+def health_message(
+    t_ns: int, seq: int, epoch: int, service: int, sensors: Mapping[str, int],
+    faults: Mapping[str, FaultObject], model: bool,
+) -> Message:  # fmt: skip
+    """Health of the service and of every sensor, by name.
+
+    Args:
+        faults: what is wrong, of the sensors with which anything is.   model: whether the model is thought wrong.
+    """
     labels = {name: HEALTH_LABELS[health] for name, health in sensors.items()}
-    return head(t_ns, seq, epoch) | {"service": SERVICE_LABELS[service], "sensors": labels}
+    parts = {"service": SERVICE_LABELS[service], "sensors": labels, "faults": faults, "model": model}
+    return head(t_ns, seq, epoch) | parts
 
 
-def event_message(t_ns: int, seq: int, epoch: int, sensor: str | None, before: str, after: str) -> Message:
-    """One transition of health; `sensor` is null for the service's own. `fault` is null until faults are named."""
+def event_message(
+    t_ns: int, seq: int, epoch: int, sensor: str | None, before: str, after: str,
+    fault: FaultObject | None = None, model: bool | None = None,
+) -> Message:  # fmt: skip
+    """One transition: from one health to another, or of what is wrong; `sensor` is null for the service's own.
+
+    Args:
+        fault: what is wrong with the sensor from now on (`recording.fault_words`), None where nothing is.
+        model: of the service: whether the model, not a sensor, is thought wrong from now on; None: not said.
+    """
     identity = {"id": f"{epoch}-{seq}", "sensor": sensor}
-    return head(t_ns, seq, epoch) | identity | {"from": before, "to": after, "fault": None}
+    own = {} if model is None else {"model": model}
+    return head(t_ns, seq, epoch) | identity | {"from": before, "to": after, "fault": fault} | own
 
 
 def reset_event(
@@ -121,6 +139,7 @@ def report_message(report: Any, layout: Layout, seq: int, epoch: int) -> Message
         "nis": float(report["nis"]),
         "limit": float(report["limit"]),
         "health": HEALTH_LABELS[int(report["health"][sensor.number])],
+        "fault": fault_object(layout, report, sensor.number),
         "service": SERVICE_LABELS[int(report["service"])],
     }  # fmt: skip
 

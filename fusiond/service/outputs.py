@@ -106,13 +106,20 @@ class Outputs:
     def transition(self, change: Transition) -> None:
         """Send one `event`."""
         seq = self._next("event")
-        message = event_message(change.t_ns, seq, self.epoch, change.sensor, change.before, change.after)
+        message = event_message(
+            change.t_ns, seq, self.epoch, change.sensor, change.before, change.after, change.fault,
+            change.model if change.sensor is None else None,
+        )  # fmt: skip
         self._put_json("event", message, change.t_ns)
 
     def health(self, t_ns: int, watch: HealthWatch) -> None:
         """Send `health`."""
         sensors = {sensor.name: int(watch.sensors[sensor.number]) for sensor in self.layout.sensors}
-        message = health_message(t_ns, self._next("health"), self.epoch, watch.service, sensors)
+        faults = {
+            sensor.name: fault for sensor in self.layout.sensors if (fault := watch.faults[sensor.number])
+        }
+        seq = self._next("health")
+        message = health_message(t_ns, seq, self.epoch, watch.service, sensors, faults, watch.model)
         self._put_json("health", message, t_ns)
 
     def look_who_asks(self) -> None:

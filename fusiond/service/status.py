@@ -16,10 +16,11 @@ from fusiond.service.wire import Decoder
 
 
 def sensors_status(counters: Counters, decoder: Decoder, watch: HealthWatch) -> dict[str, Any]:
-    """Counts and health of every sensor, by name. `refused`: what came for it and was no reading, by reason."""
+    """Counts, health and fault of every sensor, by name. `refused`: what came for it and was no reading, by reason."""
     return {
         sensor.name: {
             "health": HEALTH_LABELS[watch.sensors[sensor.number]],
+            "fault": watch.faults[sensor.number],
             **counters.of_sensor(sensor.number),
             "refused": decoder.refused_by_sensor[sensor.number],
         }
@@ -48,6 +49,7 @@ def status(
         "epoch": epoch,
         "uptime_s": round(uptime_s, 3),
         "service": SERVICE_LABELS[watch.service],
+        "model": {"alarm": watch.model},
         "resets": resets,
         "readings": counters.readings,
         "ticks": counters.ticks,
