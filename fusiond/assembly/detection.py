@@ -167,7 +167,7 @@ def count_tests(found: Signatures, ladders: list[Ladder], updating: int) -> floa
     """
     counts = independent(found.correlation())
     cells = sum(
-        float(count) * 2.0 * float(steps.shares.sum()) * alone(len(steps.sizes))
+        float(count) * 2.0 * float(steps.shares.sum()) * alone(len(steps.sizes), steps.finite)
         for count, steps in zip(counts, ladders, strict=True)
     )
     return cells + 4.0 * updating + 3.0

@@ -18,7 +18,6 @@ from fusiond.faults.diagnosability import TOLD_APART, Row, matrix, shares_left
 from fusiond.faults.sizes import LONGEST, cumulative
 from fusiond.types import Kind
 
-
 CLEARLY = 2.0
 """A witness helps against finite information where it makes the smallest size found smaller by this factor."""
 

@@ -121,7 +121,7 @@ class Signatures:
 Growth = Literal["constant", "ramp", "scale", "delay"]
 """How a fault of unit size goes with time: 1, seconds since its onset, h, or minus the rate of change of h."""
 
-STARTS = 3
+STARTS = 2
 """Onsets within a period from which a fault's signature is followed."""
 LONGEST = 1200
 """Entries after which no more is learnt of how a signature settles."""

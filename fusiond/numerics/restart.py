@@ -35,8 +35,8 @@ GONE = 1e-4
 """Share of cycles still running, of those that raised the alarm, at which the rest no longer matters."""
 SMALLEST = 1.0
 """No threshold is lower: an alarm needs evidence even where its promise would not."""
-CLOSE = 0.02
-"""Tolerance of the logarithm of the run length."""
+CLOSE = 0.15
+"""Error of the logarithm of the run length from which one last step, of slope one, suffices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,20 +73,18 @@ def _law(variances: Vector, dead_band: float) -> tuple[Vector, Vector]:
 def _steps(profile: Profile, size: float, dead_band: float, narrowest: float) -> list[_Step]:
     """The cycle's first steps, those too narrow for the grid put together."""
     means, variances = _law(profile.information * size**2, dead_band)
+    rows = zip(means.tolist(), variances.tolist(), profile.counts.tolist(), strict=True)
     steps: list[_Step] = []
-    begin, gathered = 0, 0.0
-    for place, variance in enumerate(variances):
-        gathered += variance
-        last = place == len(variances) - 1
-        if gathered >= narrowest**2 or (last and gathered > 0.0):
-            part = slice(begin, place + 1)
-            law = Steps(float(means[part].sum()), math.sqrt(gathered))
-            steps.append(_Step(law, float(profile.counts[part].sum())))
-            begin, gathered = place + 1, 0.0
+    mean = variance = counts = 0.0
+    for more_mean, more_variance, more_counts in rows:
+        mean, variance, counts = mean + more_mean, variance + more_variance, counts + more_counts
+        if variance >= narrowest**2:
+            steps.append(_Step(Steps(mean, math.sqrt(variance)), counts))
+            mean = variance = counts = 0.0
             if len(steps) >= EXPLICIT:
                 break
-    if len(steps) > 1 and steps[-1].law.std < narrowest:
-        steps.pop()
+    if not steps and variance > 0.0:
+        steps.append(_Step(Steps(mean, math.sqrt(variance)), counts))
     return steps
 
 
@@ -135,7 +133,7 @@ def cycle(
     narrowest = threshold / FINEST
     steps = _steps(profile, size, dead_band, narrowest)
     tail = _tail(profile, size, dead_band, narrowest)
-    if not steps:
+    if not steps or steps[0].law.std < narrowest:
         return 1.0, 0.0
     points, weights = _grid(
         threshold, min(step.law.std for step in [*steps[1:], *([tail] if tail else []), steps[0]])
@@ -190,11 +188,17 @@ def threshold(profiles: Sequence[Profile], size: float, wanted: float, dead_band
     target = math.log(wanted)
     low, high = SMALLEST, target + 3.0
     h = max(target - 2.2, 2.0 * SMALLEST)
+    before: tuple[float, float] | None = None
     for _ in range(12):
         error = math.log(run_length(profiles, size, h, dead_band)) - target
-        if abs(error) < CLOSE or high - low < CLOSE:
-            break
+        slope = 1.0
+        if before is not None and math.isfinite(error) and abs(h - before[0]) > 1e-3:
+            slope = min(max((error - before[1]) / (h - before[0]), 0.5), 5.0)
+        newton = h - error / slope
+        if abs(error) < CLOSE or high - low < 0.1 * CLOSE:
+            return max(newton if low < newton < high else h, SMALLEST)
         low, high = (low, h) if error > 0.0 else (h, high)
-        newton = h - error
+        if math.isfinite(error):
+            before = (h, error)
         h = newton if low < newton < high else 0.5 * (low + high)
     return max(h, SMALLEST)
