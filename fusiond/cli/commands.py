@@ -238,6 +238,40 @@ def status(
         show_status(answer)
 
 
+@app.command()
+def why(
+    sensor: Annotated[str, typer.Argument(help="Of the running configuration.", show_default=False)],
+    name: Annotated[str | None, typer.Argument(help="Name of the configuration.")] = None,
+    at: Annotated[float | None, typer.Option("--at", help="Around this time, s; the last ones without it.")] = None,
+    last: Annotated[int, typer.Option("--last", help="Readings to tell of.", min=1, max=500)] = 12,
+    connect: Endpoint = "tcp/127.0.0.1:7447",
+    as_json: Json = False,
+) -> None:
+    """Ask a running daemon why it did with a sensor's readings what it did."""
+    from fusiond.cli.explaining import show_why
+    from fusiond.service.ask import ask
+
+    fields = {"sensor": sensor, "last": last, **({} if at is None else {"at": at})}
+    answer = ask(name, "why", connect, fields=fields)
+    if as_json:
+        _emit(answer)
+    else:
+        show_why(answer)
+
+
+@app.command()
+def watch(
+    name: Annotated[str | None, typer.Argument(help="Name of the configuration; any daemon without it.")] = None,
+    connect: Endpoint = "tcp/127.0.0.1:7447",
+    for_s: Annotated[float | None, typer.Option("--for", help="Seconds; until Ctrl-C without it.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON objects, one a line.")] = False,
+) -> None:
+    """Follow a running daemon live: estimate, health, faults and events."""
+    from fusiond.cli.watching import watch as follow
+
+    follow(name, connect, for_s=for_s, as_json=as_json)
+
+
 @config_app.command()
 def schema() -> None:
     """Print the JSON Schema of a configuration."""

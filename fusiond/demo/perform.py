@@ -20,10 +20,12 @@ from rich.console import Console
 
 from fusiond.assembly.assembly import Assembly, load
 from fusiond.demo.displays import Display, Silence, display_for
+from fusiond.demo.found import found_checks
 from fusiond.demo.plants import config_of, lying_rig
 from fusiond.demo.processes import Process, ProcessFailed, wait_until
 from fusiond.demo.scene import Scene, Setting
 from fusiond.demo.verdict import (
+    Check,
     Verdict,
     consistency_check,
     goal_check,
@@ -37,6 +39,7 @@ from fusiond.recording.log import open_log
 from fusiond.recording.replay import replay
 from fusiond.recording.summary import Summary
 from fusiond.recording.truth import read_truth
+from fusiond.service.ask import Refused
 from fusiond.service.client import EstimateSubscriber, TopicSubscriber, ask
 from fusiond.simulation.faults import Fault, parse_faults
 from fusiond.simulation.rig import STEP_NS
@@ -188,7 +191,8 @@ class Stage:
                 )
             if time.monotonic() - asked_s >= STATUS_S:
                 asked_s = time.monotonic()
-                self._scene.status = self._status()
+                with contextlib.suppress(Refused):  # busy: it says so by being late
+                    self._scene.status = self._status()
             self._look()
             time.sleep(FRAME_S)
         self._wall_s = time.monotonic() - self._began_s
@@ -199,6 +203,7 @@ class Stage:
         if self._scene.end["t_ns"] < nanoseconds(self._duration_s) // STEP_NS * STEP_NS:
             raise self._plant.failed(f"was stopped at {self._scene.end['t_ns'] / NANOSECONDS:.3f} s")
         during = self._scene.status
+        self._counted = self._status() if during is None else dict(during)
         wait_until(self._all_arrived, 3.0)
         # Rates and health as they were while there was a plant.
         self._scene.show_counts_of(self._counted, during)
@@ -227,6 +232,7 @@ class Stage:
             *(without_promise(check) if self._faults else check for check in healthy),
             loss_check(end, self._counted, lied=bool(self._faults)),
             replay_check(self._recording, events[-1], summary),
+            *self._found(summary, end["t_ns"] / NANOSECONDS),
         )
         return Outcome(
             dataclasses.replace(summary, wall_s=self._wall_s),
@@ -235,6 +241,13 @@ class Stage:
             self._scene.setting.pids,
             tuple(str(fault) for fault in self._faults),
         )
+
+    def _found(self, summary: Summary, end_s: float) -> tuple[Check, ...]:
+        """What was found of what was injected, where anything was."""
+        if not self._faults:
+            return ()
+        detects = self._assembly.config.faults is not None
+        return found_checks(self._faults, summary, end_s, detects=detects)
 
     def _process(self, name: str, arguments: Sequence[str], *, orphan_safe: bool = False) -> Process:
         process = Process(name, [sys.executable, *arguments], orphan_safe=orphan_safe)
@@ -268,7 +281,8 @@ class Stage:
     def _all_arrived(self) -> bool:
         """Whether the daemon has taken as many readings as were sent."""
         assert self._scene.end is not None
-        self._counted = self._status()
+        with contextlib.suppress(Refused):
+            self._counted = self._status()
         return bool(self._counted["readings"] >= sum(self._scene.end["sent"].values()))
 
     def _status(self) -> dict[str, Any]:
@@ -276,6 +290,8 @@ class Stage:
             answer: dict[str, Any] = ask(
                 self._name, "status", namespace=self._namespace, session=self._estimates.session
             )
+        except Refused:
+            raise
         except FusiondError as error:
             self._daemon.check()
             raise ProcessFailed(f"demo: the daemon does not answer ({error})") from error

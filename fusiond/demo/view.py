@@ -14,6 +14,7 @@ from rich.text import Text
 from fusiond.demo import chart
 from fusiond.demo.scene import Scene
 from fusiond.demo.verdict import Verdict
+from fusiond.recording.fault_words import fault_text
 
 WIDTH, HEIGHT = 100, 24
 """Of the whole panel, where the terminal has room for it."""
@@ -31,11 +32,11 @@ def panel(scene: Scene, columns: int = WIDTH, lines: int = HEIGHT) -> Renderable
     setting = scene.setting
     wide = columns >= WIDTH
     width = WIDTH if wide else LEAST_WIDTH
-    # 17 lines are not the chart's, and one more where faults are injected.
-    path = _path(scene, width - 19, min(HEIGHT, lines - 1) - 17 - bool(setting.faults))
+    # 17 lines are not the chart's, and two more where faults are injected.
+    path = _path(scene, width - 19, min(HEIGHT, lines - 1) - 17 - 2 * bool(setting.faults))
     parts: list[RenderableType] = [
         _head(scene),
-        *([_injected(scene)] if setting.faults else []),
+        *([_injected(scene), _found(scene)] if setting.faults else []),
         Text(),
         _states(scene, wide),
         Text(),
@@ -68,7 +69,8 @@ def line(scene: Scene) -> str:
         parts += [f"{name} {value:+.4f} N" for name, value in scene.control["u"].items()]
     for name, sensor in _readings(scene):
         counts = f"{sensor['used']} used {_refused(sensor)} rejected"
-        parts.append(f"{name} {sensor['rate_hz']:.0f}/s {counts} {sensor['health']}")
+        fault = f" ({fault_text(sensor['fault'])})" if sensor.get("fault") else ""
+        parts.append(f"{name} {sensor['rate_hz']:.0f}/s {counts} {sensor['health']}{fault}")
     parts += [f"INJECTING {fault}" for fault in scene.injected_now]
     return " | ".join(parts)
 
@@ -109,6 +111,13 @@ def _injected(scene: Scene) -> RenderableType:
     return Text(text, "bold red" if now else "dim", no_wrap=True, overflow="ellipsis")
 
 
+def _found(scene: Scene) -> RenderableType:
+    """What the daemon has found wrong with its sensors, in one line beneath: it knows nothing of the other."""
+    found = [f"{name} {fault_text(s['fault'])}" for name, s in _readings(scene) if s.get("fault")]
+    text = f"found     {', '.join(found) or 'nothing wrong'}"
+    return Text(text, "bold yellow" if found else "dim", no_wrap=True, overflow="ellipsis")
+
+
 def _table(first: str, columns: list[str], last: str, wide: bool) -> Table:
     """A table of numbers between a name and something to look at."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, int(wide)), pad_edge=False, show_edge=False)
@@ -142,10 +151,11 @@ def _states(scene: Scene, wide: bool) -> RenderableType:
 def _sensors(scene: Scene, wide: bool) -> RenderableType:
     table = _table("sensor", ["rate", "used", "rejected", "lost"], "health", wide)
     for name, sensor in _readings(scene):
-        health = str(sensor["health"])
+        health, fault = str(sensor["health"]), sensor.get("fault")
+        said = f"{health}: {fault['kind']}" if wide and fault and fault["kind"] != health else health
         table.add_row(
             name, f"{sensor['rate_hz']:.0f} /s", f"{sensor['used']}", f"{_refused(sensor)}", f"{sensor['lost']}",
-            Text(health, COLOURS.get(health, "white")),
+            Text(said, COLOURS.get(health, "white")),
         )  # fmt: skip
     return table
 

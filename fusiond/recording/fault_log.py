@@ -86,9 +86,11 @@ class History:
             if self._silence is None:
                 self._silence = self._enter(found, now_s)
             return
-        self._silence = _close(self._silence, now_s)
+        _close(self._silence, now_s)
+        self._silence = None
         if found is None:
-            self._fault = _close(self._fault, now_s)
+            _close(self._fault, now_s)
+            self._fault = None
             return
         known = self._fault
         if known is not None and all(known[key] == found[key] for key in found):

@@ -1,0 +1,88 @@
+"""`fusiond why SENSOR`: the decisions about a sensor's readings as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from fusiond.recording.fault_words import fault_text
+
+COLUMNS = ("stamp s", "delay ms", "z", "nu", "S", "R used", "R declared", "nis", "limit", "verdict", "health")
+WIDTH = 160
+"""Of the table where no terminal says otherwise: a file has all of it."""
+
+
+def show_why(answer: Mapping[str, Any], console: Console | None = None) -> None:
+    """Turns of the sensor's health, then one row for each reading."""
+    console = console or wide_console()
+    covers = answer["covers_s"]
+    if covers is None:
+        console.print(f"{answer['sensor']}: no reading has come yet", highlight=False)
+        return
+    kept = f"{answer['sensor']} ({answer['role']}): kept from {covers[0]:.3f} to {covers[1]:.3f} s"
+    console.print(kept, highlight=False)
+    at_s = answer["at_s"]
+    if at_s is not None and not covers[0] <= at_s <= covers[1]:
+        console.print(
+            f"{at_s:.3f} s is outside of that; below are the readings nearest to it", highlight=False
+        )
+    for turn in answer["turns"]:
+        console.print(
+            f"  {turn['t_s']:.3f} s  {turn['to']}{_fault(turn['fault'])}", markup=False, highlight=False
+        )
+    console.print(_table(answer["readings"]))
+
+
+def wide_console() -> Console:
+    """Standard output; wide where it is no terminal, so that nothing is cut off in a file."""
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDTH)
+
+
+def _table(readings: Sequence[Mapping[str, Any]]) -> Table:
+    """One row for each reading; faults and actions only where there are any."""
+    faults = any(reading["fault"] for reading in readings)
+    actions = any(reading["action"] != "none" for reading in readings)
+    table = Table(box=None, pad_edge=False)
+    for name in COLUMNS:
+        table.add_column(name, justify="left" if name in ("verdict", "health") else "right", no_wrap=True)
+    for name, wanted in (("fault", faults), ("action", actions)):
+        if wanted:
+            table.add_column(name)
+    for reading in readings:
+        cells = _cells(reading)
+        cells += [fault_text(reading["fault"]) if reading["fault"] else ""] if faults else []
+        cells += [reading["action"] if reading["action"] != "none" else ""] if actions else []
+        table.add_row(*cells)
+    return table
+
+
+def _cells(reading: Mapping[str, Any]) -> list[str]:
+    """What stands in COLUMNS."""
+    delay_s = reading["delay_s"]
+    return [
+        f"{reading['t_s']:.3f}",
+        "-" if delay_s is None else f"{1e3 * delay_s:.1f}",
+        *(numbers(reading[name]) for name in ("z", "nu", "S", "R_used", "R_declared")),
+        number(reading["nis"]),
+        number(reading["limit"]),
+        str(reading["verdict"]),
+        str(reading["health"]),
+    ]
+
+
+def number(value: float | None) -> str:
+    """Four digits, or a dash."""
+    return "-" if value is None else f"{value:.4g}"
+
+
+def numbers(values: Sequence[float | None]) -> str:
+    """A vector in one cell, or a dash where it has none."""
+    return " ".join(number(value) for value in values) or "-"
+
+
+def _fault(fault: Mapping[str, Any] | None) -> str:
+    return "" if fault is None else f": {fault_text(dict(fault))}"
