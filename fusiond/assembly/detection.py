@@ -92,11 +92,9 @@ def suspects_of(resolved: Resolved) -> tuple[Suspect, ...]:
 
 def _profile(curve: Curve, ladder_: Ladder, age: float) -> Profile:
     """The curve as the cell of one size lives it: cut at its age where it fades, settled behind its end otherwise."""
-    if ladder_.finite:
-        alive = np.cumsum(curve.own) <= age
-        return Profile(curve.information[alive], curve.own[alive].astype(float), 0.0, 0.0)
-    share = float(np.mean(curve.own))
-    return Profile(curve.information, curve.own.astype(float), curve.steady * share, share)
+    alive = np.cumsum(curve.own) <= age if ladder_.finite else np.ones(len(curve.own), dtype=bool)
+    pattern = 0 if ladder_.finite else curve.pattern
+    return Profile(curve.information[alive], curve.own[alive].astype(float), pattern)
 
 
 def _distinct(curves: tuple[Curve, ...]) -> list[Curve]:

@@ -70,12 +70,14 @@ class Curve:
         information: (entries,) from the onset on; theta^2 times it is twice the Kullback-Leibler information.
         own: (entries,) whether a reading of the faulty sensor itself (any reading, for an input).
         steady: information per own reading in the long run.   readings_per_s: own readings.
+        pattern: entries of a period; the last ones of the curve repeat from then on.
     """
 
     information: Vector
     own: NDArray[np.bool_]
     steady: float
     readings_per_s: float
+    pattern: int
 
     def per_reading(self) -> Vector:
         """Information summed from each own reading to the next, the first one at the onset."""
@@ -253,6 +255,7 @@ def _curves(
                     own[columns.start[j] :],
                     float(steady[i]) / count,
                     count / course.period_s,
+                    len(course),
                 )
                 for j in begun
             )

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.special import ndtr
 
-from fusiond.numerics.cusum import SINGLE, Steps, steps_without
+from fusiond.numerics.cusum import SINGLE, Steps
 from fusiond.numerics.ud import Vector
 
 FINEST = 60.0
@@ -45,14 +45,12 @@ class Profile:
 
     Args:
         information: (k,) squared whitened shift of each reading.   counts: (k,) whether it counts for the run length.
-        tail: squared shift of every later reading; 0 where the cycle ends after the last one.
-        tail_counts: share of those later readings that count.
+        pattern: so many of the last readings repeat for ever; 0 where the cycle ends after the last one.
     """
 
     information: Vector
     counts: Vector
-    tail: float
-    tail_counts: float
+    pattern: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +88,15 @@ def _steps(profile: Profile, size: float, dead_band: float, narrowest: float) ->
 
 def _tail(profile: Profile, size: float, dead_band: float, narrowest: float) -> _Step | None:
     """One step of the settled signature, wide enough for the grid; None where the cycle ends instead."""
-    shift = size * math.sqrt(profile.tail)
-    if shift <= dead_band:
+    if profile.pattern == 0:
         return None
-    law = steps_without(shift, dead_band)
-    together = max(1, math.ceil((narrowest / law.std) ** 2))
-    return _Step(Steps(together * law.mean, math.sqrt(together) * law.std), together * profile.tail_counts)
+    means, variances = _law(profile.information[-profile.pattern :] * size**2, dead_band)
+    variance = float(variances.mean())
+    if variance <= 0.0:
+        return None
+    together = max(1, math.ceil(narrowest**2 / variance))
+    law = Steps(together * float(means.mean()), math.sqrt(together * variance))
+    return _Step(law, together * float(profile.counts[-profile.pattern :].mean()))
 
 
 def _grid(threshold: float, width: float) -> tuple[Vector, Vector]:
@@ -155,7 +156,10 @@ def cycle(
         length += step.counts * share
         alarm += float(alive @ _over(points, threshold, step.law))
         alive = np.convolve(_density(lattice, step.law), alive, "valid") * weights
-    if tail is not None:
+    if tail is None:
+        # the last readings add nothing any more, but those cycles that are left wait for their end
+        length += float(alive.sum()) * (float(profile.counts.sum()) - sum(step.counts for step in steps))
+    else:
         moves = _density(lattice, tail.law)
         middle = len(points) - 1
         kernel = toeplitz(moves[middle:], moves[middle::-1]) * weights[:, None]
