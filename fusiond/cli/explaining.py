@@ -10,7 +10,10 @@ from rich.table import Table
 
 from fusiond.recording.fault_words import fault_text
 
-COLUMNS = ("stamp s", "delay ms", "z", "nu", "S", "R used", "R declared", "nis", "limit", "verdict", "health")
+DELAY, RELATIVE = "delay ms", "delay - least ms"
+COLUMNS = ("stamp s", DELAY, "z", "nu", "S", "R used", "R declared", "nis", "limit", "verdict", "health")
+OTHER_CLOCK_S = 3600.0
+"""A delay of an hour is none: the stamps are of another clock than the arrivals, and only differences mean anything."""
 WIDTH = 160
 """Of the table where no terminal says otherwise: a file has all of it."""
 
@@ -46,26 +49,28 @@ def _table(readings: Sequence[Mapping[str, Any]]) -> Table:
     """One row for each reading; faults and actions only where there are any."""
     faults = any(reading["fault"] for reading in readings)
     actions = any(reading["action"] != "none" for reading in readings)
+    least_s = min((r["delay_s"] for r in readings if r["delay_s"] is not None), default=0.0)
+    same_clock = abs(least_s) < OTHER_CLOCK_S
     table = Table(box=None, pad_edge=False)
-    for name in COLUMNS:
+    for name in COLUMNS if same_clock else (COLUMNS[0], RELATIVE, *COLUMNS[2:]):
         table.add_column(name, justify="left" if name in ("verdict", "health") else "right", no_wrap=True)
     for name, wanted in (("fault", faults), ("action", actions)):
         if wanted:
             table.add_column(name)
     for reading in readings:
-        cells = _cells(reading)
+        cells = _cells(reading, 0.0 if same_clock else least_s)
         cells += [fault_text(reading["fault"]) if reading["fault"] else ""] if faults else []
         cells += [reading["action"] if reading["action"] != "none" else ""] if actions else []
         table.add_row(*cells)
     return table
 
 
-def _cells(reading: Mapping[str, Any]) -> list[str]:
-    """What stands in COLUMNS."""
+def _cells(reading: Mapping[str, Any], from_s: float) -> list[str]:
+    """What stands in COLUMNS; delays are counted from `from_s` on."""
     delay_s = reading["delay_s"]
     return [
         f"{reading['t_s']:.3f}",
-        "-" if delay_s is None else f"{1e3 * delay_s:.1f}",
+        "-" if delay_s is None else f"{1e3 * (delay_s - from_s):.1f}",
         *(numbers(reading[name]) for name in ("z", "nu", "S", "R_used", "R_declared")),
         number(reading["nis"]),
         number(reading["limit"]),

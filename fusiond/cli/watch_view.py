@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 80, 20
 """Of the smallest terminal on which the panel is drawn."""
-FRAME = 10
+FRAME = 11
 """Lines of the panel that are neither states nor sensors nor events."""
 
 
@@ -29,7 +29,7 @@ def panel(watched: Watched, columns: int, lines: int) -> RenderableType:
     sensors = status["sensors"]
     states = list(watched.units)
     room = lines - 1 - FRAME - len(sensors)
-    shown = states[: max(3, room - 3)]
+    shown = states[: max(1, room - 3)]
     events = list(watched.events)[-max(1, room - len(shown)) :]
     parts = [
         _head(watched), Text(), _states(watched, shown), Text(), _sensors(sensors), Text(), _events(events),
@@ -60,8 +60,10 @@ def plain_line(watched: Watched) -> str:
 
 def condition(sensor: Mapping[str, Any]) -> str:
     """`healthy`, or `excluded: bias +0.5 +-0.01 m since 10.0 s`."""
-    fault = sensor["fault"]
-    return str(sensor["health"]) + (f": {fault_text(fault)}" if fault else "")
+    health, fault = str(sensor["health"]), sensor["fault"]
+    if not fault:
+        return health
+    return fault_text(fault) if fault["kind"] == health else f"{health}: {fault_text(fault)}"
 
 
 def event_text(event: Mapping[str, Any]) -> str:
