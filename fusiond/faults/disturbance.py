@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusiond.faults.glr import PARAMETER
+from fusiond.faults.glr import unforeseen
 from fusiond.faults.response import Response
 from fusiond.faults.spread import pooled
 from fusiond.numerics.ud import Matrix
@@ -39,11 +39,11 @@ def _moved(response: Response) -> float:
     lengths, V = np.linalg.eigh(np.array(informations))
     y2 = np.einsum("wji,wj->wi", V, np.array(matched)) ** 2
     seen = lengths > RANK * lengths[:, -1:]
-    each = np.where(seen, 0.5 * y2 / np.where(seen, lengths, 1.0) - PARAMETER, 0.0)
+    each = np.where(seen, 0.5 * y2 / np.where(seen, lengths, 1.0) - unforeseen(1.0), 0.0)
     return float(np.max(np.sum(np.maximum(each, 0.0), axis=1)) - np.log(len(response)))
 
 
 def model_score(response: Response) -> float:
     """Score of the better of the two explanations that convict the model, comparable to that of a `Fit`."""
-    scatter = pooled(response) - PARAMETER - float(np.log(len(response)))
+    scatter = pooled(response) - unforeseen(1.0) - float(np.log(len(response)))
     return max(_moved(response), scatter) - RARITY

@@ -34,7 +34,7 @@ class Separation:
     sine2: float
 
 
-def _errors(fit: Fit, response: Response) -> tuple[Matrix, Matrix]:
+def errors_of(fit: Fit, response: Response) -> tuple[Matrix, Matrix]:
     """(W, m, q) and (W, k, q): errors of each entry's channels and inputs for a unit of each size, time left out."""
     W, m = response.h.shape
     q, inputs = len(fit.hypothesis.parts), response.steps.input.shape[2]
@@ -58,7 +58,7 @@ def onward_means(fit: Fit, count: int) -> Matrix:
     """(rows, q) whitened means of the next `count` entries for a unit of each size."""
     ground = fit.ground
     response, steps = ground.response, ground.response.steps
-    reading, driving = _errors(fit, response)
+    reading, driving = errors_of(fit, response)
     W = len(response)
     recent = max(W // 2, 1)
     phi = response.carried[:, ground.columns] @ profile_of(ground, fit.hypothesis, fit.number)

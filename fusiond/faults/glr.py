@@ -5,8 +5,9 @@ With w(o) the whitened means that a unit fault from onset o on would give the in
     a = w'w,   b = w'e,   size = b / a,   variance of the size = 1 / a,   GLR = b^2 / (2 a),
 
 and the same with matrices where a fault has several sizes (GLR = b' a^-1 b / 2). To compare explanations of different
-make, each pays for what was fitted: PARAMETER for every size, ln(number of onsets tried) for the onset, as if every
-reading were as likely a beginning, and RARITY for its kind.
+make, each pays for what was fitted: for the size what a width of EXPECTED noise deviations, expected beforehand, loses
+against the width left by the window; ln(number of onsets tried) for the onset, as if every reading were as likely a
+beginning; and RARITY for its kind.
 
 Source: Willsky & Jones 1976. Laws: tests/laws/test_glr.py.
 """
@@ -18,15 +19,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusiond.faults.ground import Ground, basis, ground_of, information
+from fusiond.faults.ground import Ground, basis, ground_of, information, profile_of
 from fusiond.faults.hypotheses import Hypothesis, Place
 from fusiond.faults.response import Response
 from fusiond.faults.spread import fit_spread
 from fusiond.numerics.ud import Matrix, Vector
 from fusiond.types import Kind
 
-PARAMETER = 2.0
-"""Log likelihood that one more fitted number must earn: more than chance gives it once in twenty times."""
+EXPECTED = 10.0
+"""Beforehand, errors of readings are of this many standard deviations of their noise (one standard deviation)."""
+FACTOR = 1.5
+"""Beforehand, the logarithm of a change of noise has this standard deviation."""
 RARITY = {Kind.DRIFT: 1.0, Kind.SCALE: 3.0, Kind.DELAY: 3.0}
 """Log odds of a bias, beforehand, over other kinds: the more shapes are tried, the more of them noise resembles."""
 FAINT = 1e-9
@@ -89,12 +92,35 @@ def likelihoods(a: Matrix, b: Matrix) -> tuple[Vector, Vector]:
     return sizes, 0.5 * np.einsum("oq,oq->o", b, sizes)
 
 
+def unforeseen(informed: float) -> float:
+    """Log likelihood a fitted number costs: Occam's factor of a normal prior (Bayes; GLR alone forgets it).
+
+    Args:
+        informed: information the window holds of the number, in units where EXPECTED noise deviations are 10.
+    """
+    return 0.5 * float(np.log1p(EXPECTED**2 * informed))
+
+
+def price(ground: Ground, hypothesis: Hypothesis, number: int, a: Matrix) -> float:
+    """What the sizes (information a (q, q)) of a fault from the ground's entry `number` on cost."""
+    if ground.is_input:
+        return unforeseen(1.0) * len(a)
+    profile = profile_of(ground, hypothesis, number)
+    ratio = profile**2 / ground.variance[:, None]
+    count = np.maximum(np.count_nonzero(ratio, axis=0), 1)
+    per_deviation = np.sqrt(count / np.maximum(np.sum(ratio, axis=0), 1e-300))
+    informed = per_deviation[:, None] * a * per_deviation
+    return 0.5 * float(np.linalg.slogdet(np.eye(len(a)) + EXPECTED**2 * informed)[1])
+
+
 def fit_signature(ground: Ground, hypothesis: Hypothesis) -> Fit:
     """The most likely onset and size of a fault with a signature."""
     a, b = information(ground, hypothesis)
     sizes, glr = likelihoods(a, b)
     best = int(np.argmax(glr))
-    paid = PARAMETER * len(hypothesis.parts) + float(np.log(len(glr))) + RARITY.get(hypothesis.kind, 0.0)
+    paid = (
+        price(ground, hypothesis, best, a[best]) + float(np.log(len(glr))) + RARITY.get(hypothesis.kind, 0.0)
+    )
     return Fit(
         hypothesis, int(ground.entries[best]), sizes[best], np.linalg.pinv(a[best], rcond=FAINT, hermitian=True),
         float(glr[best]), float(glr[best]) - paid, 2.0 * float(glr[best]),
@@ -105,9 +131,12 @@ def fit_signature(ground: Ground, hypothesis: Hypothesis) -> Fit:
 def fit_noise(ground: Ground, hypothesis: Hypothesis) -> Fit:
     """The most likely onset and factor of a change of noise."""
     spread = fit_spread(ground)
+    paid = 0.5 * float(
+        np.log1p(FACTOR**2 * spread.factor**2 / spread.factor_var) + 2.0 * np.log(len(spread.curve))
+    )
     return Fit(
         hypothesis, spread.onset, np.array([spread.factor]), np.array([[spread.factor_var]]), spread.glr,
-        spread.glr - PARAMETER - float(np.log(len(spread.curve))), spread.removed,
+        spread.glr - paid, spread.removed,
         ground, int(np.searchsorted(ground.entries, spread.onset)), spread.curve, np.ones(len(spread.curve)),
     )  # fmt: skip
 

@@ -21,7 +21,7 @@ class Ground:
         response: whose columns these are.   entries: (o,) with a reading of the place; every entry for an input.
         columns: (p,) of the response, by entry.   first: (o,) the first of each entry's columns.
         sensor, channel, at: (p,) whose each column is, and in which of the entries.
-        gram: (p, p).   matched: (p,).
+        gram: (p, p).   matched: (p,).   variance: (p,) of each column's own noise, 1 for an input's.
     """
 
     response: Response
@@ -33,6 +33,8 @@ class Ground:
     at: Integers
     gram: Matrix
     matched: Vector
+    variance: Vector
+    is_input: bool
 
 
 def ground_of(response: Response, place: Place, inputs: tuple[int, ...] = ()) -> Ground:
@@ -46,14 +48,28 @@ def ground_of(response: Response, place: Place, inputs: tuple[int, ...] = ()) ->
         at = np.repeat(entries, len(inputs))
         channel = np.tile(np.array(inputs), len(entries))
         columns, sensor = response.held[at, channel], np.full(len(at), place[0])
+        variance = np.ones(len(at))
     else:
         own = np.isin(response.sensor, np.array(place)) & (response.dof > 0)
         entries = np.flatnonzero(own)
         at, channel = np.nonzero(response.raw[entries] >= 0)
         columns, sensor = response.raw[entries[at], channel], response.sensor[entries[at]]
+        variance = np.maximum(np.sum(response.noise[entries[at], channel] ** 2, axis=1), 1e-300)
     gram = response.gram[np.ix_(columns, columns)]
     first = np.searchsorted(at, np.arange(len(entries)))
-    return Ground(response, entries, columns, first, sensor, channel, at, gram, response.matched[columns])
+    return Ground(
+        response,
+        entries,
+        columns,
+        first,
+        sensor,
+        channel,
+        at,
+        gram,
+        response.matched[columns],
+        variance,
+        bool(inputs),
+    )
 
 
 def weights(ground: Ground, kind: Kind, part: tuple[Suspect, ...]) -> Vector:

@@ -117,6 +117,14 @@ def _best_of_places(fits: Sequence[Fit]) -> list[Fit]:
     return list(found.values())
 
 
+def _best_of_kinds(fits: Sequence[Fit]) -> list[Fit]:
+    """The best explanation of each kind, best first."""
+    found: dict[Kind, Fit] = {}
+    for fit in fits:
+        found.setdefault(fit.kind, fit)
+    return list(found.values())
+
+
 def _share(named: Sequence[float], places: Sequence[Fit]) -> float:
     """Probability of the named scores among all places and no fault at all."""
     scores = np.array([*(fit.score for fit in places), 0.0])
@@ -137,15 +145,15 @@ def _surplus(response: Response, onset: int, removed: float, fitted: int) -> flo
     return ((left / n) ** (1.0 / 3.0) - (1.0 - 2.0 / (9.0 * n))) / math.sqrt(2.0 / (9.0 * n))
 
 
-def _demand(best: Fit, rival: Fit, margin: float, margins: Margins) -> tuple[float, bool]:
-    """Margin needed of `best` over `rival`, and whether readings to come can bring it."""
+def _demand(best: Fit, rival: Fit, margin: float, margins: Margins) -> tuple[bool, bool]:
+    """Whether the margin of `best` over `rival` falls short of what is needed, and whether waiting can bring it."""
     if Kind.NOISE in (best.kind, rival.kind):
-        return margins.place, True
+        return margin < margins.place, True
     response = best.ground.response
     apart = separate(best, rival, max(best.onset, rival.onset, len(response) // 2))
     persists = apart.strength >= 1.0
     needed = margins.sudden if persists and apart.sine2 < margins.alike else margins.place
-    return needed, margin + apart.gain + 2.0 * math.sqrt(2.0 * apart.gain) >= needed
+    return margin < needed, margin + apart.gain + 2.0 * math.sqrt(2.0 * apart.gain) >= needed
 
 
 def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: Margins) -> Finding:
@@ -157,13 +165,11 @@ def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: M
     # a model that scatters more than it should looks much like one noisy sensor
     standing, hope = [best], best.score - model < (margins.place if best.kind is Kind.NOISE else 0.0)
     for rival in rivals:
-        ahead = best.score - rival.score
-        if ahead >= margins.sudden:
-            continue
-        needed, can_part = _demand(best, rival, ahead, margins)
-        if ahead < needed:
+        pleas = [fit for fit in fits if fit.place == rival.place and best.score - fit.score < margins.sudden]
+        demands = [_demand(best, plea, best.score - plea.score, margins) for plea in _best_of_kinds(pleas)]
+        if any(short for short, _ in demands):
             standing.append(rival)
-            hope = hope or can_part
+            hope = hope or all(can_part for short, can_part in demands if short)
     sensors = tuple(sorted({sensor for fit in standing for sensor in fit.place}))
     confidence = _share([fit.score for fit in standing], places)
     outcome = Outcome.ONE if len(best.place) == 1 else Outcome.GROUP

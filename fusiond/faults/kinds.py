@@ -16,6 +16,8 @@ from fusiond.types import Kind
 
 FAMILY = math.log(100.0)
 """Log likelihood between families of kinds that react differently."""
+SPIKE = 2.0 * FAMILY
+"""The same for a spike: noise, too, has quiet moments after a loud one, and nothing is lost by waiting."""
 SHAPE = 2.0
 """Score by which another lasting error must outdo a bias to be named instead; one closer than that is listed beside."""
 LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE, Kind.DELAY)
@@ -62,7 +64,7 @@ def choose_kind(fits: Sequence[Fit]) -> Choice:
     families.sort(key=lambda family: -family[0])
     score, fit, close = families[0]
     margin = score - families[1][0] if len(families) > 1 else score
-    if margin < FAMILY:
+    if margin < (SPIKE if fit.kind is Kind.SPIKE else FAMILY):
         open_kinds = tuple(f.kind for s, f, _ in families if score - s < FAMILY)
         return Choice(Kind.NONE, open_kinds + close, fit, margin)
     return Choice(fit.kind, close, fit, margin)

@@ -34,6 +34,7 @@ class Steps:
     Args:
         from_error: (W, m, n).   from_reading: (W, m, m).   from_input: (W, m, k).   error: (W, n, n).
         reading: (W, n, m).   input: (W, n, k).   Rows beyond an entry's dof are zero.
+        seen, seen_input: (W, m, n), (W, m, k) what the predicted raw reading moves by for a unit of eps and of g.
     """
 
     from_error: Matrix
@@ -42,6 +43,8 @@ class Steps:
     error: Matrix
     reading: Matrix
     input: Matrix
+    seen: Matrix
+    seen_input: Matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +53,12 @@ class Response:
 
     Args:
         t_ns: (W,) stamps.   t_s: the same in seconds since the first.   sensor, dof: (W,).
-        entry: (E,) entry of each row.   e: (E,) whitened innovations.   r: (E,) variance of each row's own noise.
+        entry: (E,) entry of each row.   e: (E,) whitened innovations.
+        noise: (W, m, m) a square root of the covariance of each reading's own noise, raw channels.
         impulses: (E, J).   gram: (J, J) their inner products.   matched: (J,) their products with e.
         carried: (n, J) error of the estimate each impulse has caused by the window's end.
         raw: (W, m) column of an error of each raw channel;   held: (W, k) of each input; -1: none.
-        h, hdot: (W, m) predicted raw reading and its rate, 1/s.   D: (W, m, m).   steps: as above.
+        h, hdot: (W, m) predicted raw reading and its rate, 1/s.   steps: as above.
     """
 
     t_ns: Integers
@@ -63,7 +67,7 @@ class Response:
     dof: Integers
     entry: Integers
     e: Vector
-    r: Vector
+    noise: Matrix
     impulses: Matrix
     gram: Matrix
     matched: Vector
@@ -72,7 +76,6 @@ class Response:
     held: Integers
     h: Matrix
     hdot: Matrix
-    D: Matrix
     steps: Steps
 
     def __len__(self) -> int:
@@ -100,14 +103,33 @@ def steps_of(window: NDArray[Any]) -> Steps:
     rho_error /= root[:, :, None]
     rho_reading /= root[:, :, None]
     T, B = window["T"], window["B"]
-    return Steps(rho_error @ T, rho_reading, rho_error @ B, kept @ T, reading, kept @ B)
+    raw = undecorrelated(window) @ H
+    return Steps(rho_error @ T, rho_reading, rho_error @ B, kept @ T, reading, kept @ B, raw @ T, raw @ B)
 
 
-def noise_variances(window: NDArray[Any]) -> Matrix:
-    """(W, m) variance of each scalar channel's own noise: S (1 - H K), as K = P H'/S; S where it was not used."""
+def undecorrelated(window: NDArray[Any]) -> Matrix:
+    """(W, m, m) from decorrelated to raw channels: D^-1, the identity beyond an entry's dof."""
+    m = window["e"].shape[1]
+    exists = np.arange(m) < window["dof"][:, None]
+    return np.linalg.inv(np.where(exists[:, :, None] & exists[:, None, :], window["D"], np.eye(m)))
+
+
+def noise_roots(window: NDArray[Any]) -> Matrix:
+    """(W, m, m) a square root of the covariance of each reading's own noise, in raw channels: D^-1 diag(sqrt(r)).
+
+    The variance r of each scalar's own noise is S (1 - H K), as K = P H'/S; where a reading was not used, K is unknown
+    and the median of its sensor's others stands in, and S where there are none.
+    """
+    m = window["e"].shape[1]
     S = window["root"] ** 2
     share = 1.0 - np.einsum("wci,wci->wc", window["H"], window["K"])
-    return S * np.clip(share, 1e-12, 1.0)
+    r, used = S * np.clip(share, 1e-12, 1.0), window["used"] != 0
+    for sensor in np.unique(window["sensor"][~used]):
+        own = window["sensor"] == sensor
+        if np.any(own & used):
+            r[own & ~used] = np.minimum(np.median(r[own & used], axis=0), S[own & ~used])
+    exists = np.arange(m) < window["dof"][:, None]
+    return undecorrelated(window) * np.sqrt(np.where(exists, r, 0.0))[:, None, :]
 
 
 def _impulses(steps: Steps, dof: Integers, inputs: int) -> tuple[Matrix, Matrix, Integers]:
@@ -144,6 +166,6 @@ def respond(window: NDArray[Any], inputs: int = 0) -> Response:
     t_ns, e = window["t_ns"].astype(np.int64), window["e"][exists]
     return Response(
         t_ns, (t_ns - t_ns[0]) * 1e-9, window["sensor"].astype(np.int64), dof, np.repeat(np.arange(len(dof)), dof),
-        e, noise_variances(window)[exists], X, X.T @ X, X.T @ e, phi, raw, held, window["h"], window["hdot"],
-        window["D"], steps,
+        e, noise_roots(window), X, X.T @ X, X.T @ e, phi, raw, held, window["h"], window["hdot"],
+        steps,
     )  # fmt: skip

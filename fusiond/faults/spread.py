@@ -12,10 +12,8 @@ The onset is sought in the sensor's own innovations: n/2 (s - 1 - ln s), s their
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fusiond.faults.ground import Ground
 from fusiond.faults.response import Integers, Response
@@ -46,16 +44,6 @@ def scatter_curve(e: Vector, at: Integers, count: int) -> Vector:
     n = np.cumsum(each[::-1])[::-1]
     s = np.maximum(np.cumsum(total[::-1])[::-1] / n, 1e-12)
     return 0.5 * n * (s - 1.0 - np.log(s))
-
-
-def noise_roots(response: Response, entries: Integers) -> list[NDArray[Any]]:
-    """A square root of each entry's noise covariance in raw channels: D^-1 diag(sqrt r)."""
-    rows = np.searchsorted(response.entry, entries)
-    roots = []
-    for k, row in zip(entries, rows, strict=True):
-        dof = response.dof[k]
-        roots.append(np.linalg.inv(response.D[k, :dof, :dof]) * np.sqrt(response.r[row : row + dof]))
-    return roots
 
 
 def fit_factor(gram: Matrix, matched: Vector) -> tuple[float, float, float, float]:
@@ -92,12 +80,12 @@ def fit_spread(ground: Ground) -> Spread:
     start = max(int(np.argmax(curve)), int(ground.at[-MOST:][0]))
     own = slice(int(ground.first[start]), None)
     gram, matched = ground.gram[own, own], ground.matched[own]
-    roots = noise_roots(response, ground.entries[start:])
     wide = np.zeros((len(matched), len(matched)))
     place = 0
-    for root in roots:
-        wide[place : place + len(root), place : place + len(root)] = root
-        place += len(root)
+    for k in ground.entries[start:]:
+        dof = int(response.dof[k])
+        wide[place : place + dof, place : place + dof] = response.noise[k, :dof, :dof]
+        place += dof
     return Spread(
         int(ground.entries[np.argmax(curve)]), *fit_factor(wide.T @ gram @ wide, wide.T @ matched), curve
     )
