@@ -1,4 +1,4 @@
-"""A run and its smoothed states, and three oracles that share no line with them."""
+"""Two oracles of the smoother that share no line with it: one conditioned Gaussian, and the recursion as printed."""
 
 from __future__ import annotations
 
@@ -9,41 +9,9 @@ import numpy as np
 from scipy.linalg import expm
 
 from fusiond.assembly.assembly import Assembly
-from fusiond.assembly.retracing import injection_of, tracer_of
 from fusiond.assembly.trial import Trial
 from fusiond.engine.records import HAS_R
-from fusiond.recording.smoothing import Smoother
 from fusiond.types import RESET, Hold, Role
-
-
-@dataclass(frozen=True)
-class Smoothed:
-    """One run: filtered and smoothed states after each update, in the order of time.
-
-    filtered: records of the retraced run (`pass_dtype`).   states: `smoothed_dtype`.
-    followed: the retraced run ended in the engine's own bytes.
-    """
-
-    filtered: Any
-    states: Any
-    segments: int
-    followed: bool
-
-
-def smoothed_run(assembly: Assembly, readings: Any, chunk: int = 64) -> Smoothed:
-    """Readings in arrival order through a fresh engine, watched and smoothed."""
-    engine = assembly.engine()
-    smoother = Smoother(tracer_of(assembly), assembly.design, injection_of(assembly))
-    try:
-        for begin in range(0, len(readings), chunk):
-            part = readings[begin : begin + chunk]
-            smoother.witness(part, engine.process(part))
-        ended_in = smoother.finish()
-        filtered = np.concatenate([block.copy() for block in smoother.filtered()])
-        states = np.concatenate([block.copy() for block in smoother.smoothed()])
-        return Smoothed(filtered, states, smoother.segments, ended_in == engine.state_sha256())
-    finally:
-        smoother.close()
 
 
 @dataclass

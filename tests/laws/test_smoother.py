@@ -11,7 +11,8 @@ from fusiond.filters.smoother import before_channel, end, smoothed
 from fusiond.recording.smoothing_tape import Tape
 from fusiond.simulation.registry import simulate
 from tests.laws.engine_rig import INPUT_STD, MS, SECOND, STD, A, B, G, H, Q, assembled, stream, tick, toml_of
-from tests.laws.smoothing_rig import Linear, Seen, batch, reset, rts, smoothed_run
+from tests.laws.smoothing_rig import Linear, Seen, batch, reset, rts
+from tools.pages.smoothing import smoothed_run
 from tools.pages.trials import configured, records
 
 MODEL = Linear(np.array(A), np.array(B), np.array(G) @ np.array(Q) @ np.array(G).T)
