@@ -158,6 +158,8 @@ class Alarm(Label):
     """an excluded sensor agrees with the estimate again"""
     REVIEW = 8
     """more readings have come for a case that was left open"""
+    RETRY = 9
+    """an excluded input has waited long enough to be tried again"""
 
 
 class Kind(Label):

@@ -69,7 +69,7 @@ class Assembly:
     def engine(self) -> Engine:
         """A fresh engine, before its first reading."""
         run = running(self.package.run) if self.layout.plain else self.package.run
-        judge = judge_of(self.resolved, self.layout, self.detection)
+        judge = judge_of(self.resolved, self.layout, self.detection, self.design)
         return Engine(self.layout, self.design, self._desk(), run, self._derive(), judge)
 
     def prepare(self) -> None:

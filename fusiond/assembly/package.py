@@ -31,6 +31,8 @@ SWAPPED = (
     "inject_manifold.py", "monitor_on.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
+STEADY = 10
+"""Healthy silences for which a sensor must speak, without another, before it is silent no longer."""
 WATCHING = ("signatures.py", "spread_tests.py")
 """Files of the template that only a configuration with fault detection needs."""
 ROOMS = ("numerics", "models", "filters", "fusion", "faults", "adapt", "control")
@@ -75,7 +77,7 @@ def sizes_source(shape: records.Shape) -> str:
     constants = {
         "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises,
         "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
-        "CELLS": shape.cells, "WINDOW": shape.window,
+        "STEADY": STEADY if shape.cells else 0, "CELLS": shape.cells, "WINDOW": shape.window,
         "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
     }  # fmt: skip
     return "".join([f"{name} = {value}\n" for name, value in constants.items()])

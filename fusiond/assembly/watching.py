@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.assembly.course import rate_hz
 from fusiond.assembly.detection import Detection, detection_of
 from fusiond.assembly.observability import observability
 from fusiond.assembly.resolve import Resolved, by_key
@@ -18,6 +19,8 @@ from fusiond.faults.hypotheses import catalogue
 from fusiond.faults.thresholds import ROBUST, SHARP, Promise
 from fusiond.types import Role
 
+USUAL_S = 5.0
+"""Over how long the usual value of an input is taken."""
 PROFILES = {"sharp": SHARP, "robust": ROBUST}
 
 
@@ -67,6 +70,7 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
     tests["gate"] = detection.gate
     tests["variance_limit"], tests["white_limit"] = detection.variance_h, detection.white_h
     tests["pooled_limit"], tests["repeat_log"] = detection.pooled_h, detection.repeat_log
+    tests["usual_share"] = [min(1.0, 1.0 / (USUAL_S * rate_hz(resolved, sensor))) for sensor in resolved.sensors]
     tests["dead_band"], tests["studentise"] = detection.dead_band, detection.studentise
 
 
@@ -79,7 +83,9 @@ def groups_of(resolved: Resolved) -> list[list[int]]:
     return [members for members in named.values() if len(members) > 1]
 
 
-def judge_of(resolved: Resolved, layout: Layout, detection: Detection | None) -> Judge | None:
+def judge_of(
+    resolved: Resolved, layout: Layout, detection: Detection | None, design: NDArray[np.void]
+) -> Judge | None:
     """The judge of the configuration's alarms; None where none is raised."""
     if detection is None:
         return None
@@ -101,5 +107,6 @@ def judge_of(resolved: Resolved, layout: Layout, detection: Detection | None) ->
             [np.pad(np.sqrt(np.diagonal(s.R)), (0, layout.shape.payload - len(s.R))) for s in sensors]
         ),
         policy=tuple(getattr(sensor.section, "policy", "auto") for sensor in sensors),
+        silence_ns=np.array(design[0]["silence_ns"]),
         replaceable=tuple(bool(getattr(sensor.section, "without_input_std", None)) for sensor in sensors),
     )

@@ -48,7 +48,6 @@ class Engine:
         self._design, self._run, self._derive = design, run, derive
         self._is_direct = False
         self._judge = judge
-        self._no_readings, self._no_reports = np.zeros(0, layout.reading), np.zeros(0, layout.report)
         self._reading = layout.reading
         self._first_desk = desk.copy()
         self._work = np.zeros(1, work_dtype(layout.shape))
@@ -121,7 +120,7 @@ class Engine:
             chosen = early[np.argmax(marks[early])]
         self.desk[0]["replay_from"] = marks[chosen]
         self.desk[0]["pause"] = TO_REPLAY
-        self._step(self._no_readings, self._no_reports, self._nobody_asks)
+        self._step(np.zeros(1, self._reading), np.zeros(1, self.layout.report), self._nobody_asks)
 
     @property
     def histories(self) -> tuple[Records, Records]:

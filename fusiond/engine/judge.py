@@ -10,24 +10,27 @@ decides before the next is looked at. Health of a sensor, and what moves it:
 | healthy, suspect | isolated; the rest does not | faulty | takes the error off every reading since the onset |
 | healthy, suspect | isolated; noise | faulty | weighs the readings by the noise they have |
 | healthy | one of a set that nothing tells apart | suspect | weighs the whole set down so as to cover all |
+| any | frozen, or nothing that could be used | excluded | does without it, whatever is left |
 | faulty | the error has gone | healthy | believes the readings as they are |
 | excluded | its readings agree with the estimate | probation | still does without it |
+| excluded input | it has waited | probation | tries it |
 | probation | they agree once more, and it has waited | healthy | uses it again |
 
 Where no sensor explains the innovations the model is blamed, and no sensor is touched. Whoever falls ill again waits
-twice as long in probation. A decision reaches all snapshots, so that a late reading cannot undo it.
+twice as long to return. A decision reaches all snapshots, so that a late reading cannot undo it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
+from fusiond.engine.reactions import LASTING, Reactions
 from fusiond.faults.glr import Fit
 from fusiond.faults.hypotheses import Hypothesis
 from fusiond.faults.isolation import Finding, Outcome, isolate
@@ -37,17 +40,18 @@ from fusiond.types import NANOSECONDS, Alarm, Health, Kind, Role
 if TYPE_CHECKING:
     from fusiond.engine.engine import Engine
 
-SETTLED = 50
-"""Entries before the onset from which leave-one-out filters are made anew after an exclusion."""
 PATIENCE = 0.25
 """A case left open is reviewed when its readings have grown by this share."""
 PROBATION_S = 1.0
-"""Shortest probation; doubled with every relapse, up to RELAPSES times."""
+"""Shortest probation of a sensor; doubled with every relapse."""
+RETRY_S = 5.0
+"""Shortest time before an excluded input is tried again, and before it is believed; doubled likewise."""
 RELAPSES = 6
+"""Relapses after which waiting grows no longer."""
 SURE = 3.0
 """Standard deviations within which a remaining error is none."""
-LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE)
-"""Errors that can be taken off a reading."""
+LARGEST_NOISE = 100.0
+"""Beyond this factor of its declared noise a sensor that can be spared is excluded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +61,7 @@ class Judge:
     Args:
         hypotheses: all explanations tried.   enough: whether every state is still seen without these sensors.
         noise_std: (s, m) declared deviations.   policy: of each sensor, auto, exclude or compensate.
-        replaceable: whether an input has something to fall back on.
+        replaceable: whether an input has something to fall back on.   silence_ns: (s,) longest healthy silence, 0: any.
     """
 
     layout: Layout
@@ -66,6 +70,7 @@ class Judge:
     noise_std: NDArray[np.float64]
     policy: tuple[str, ...]
     replaceable: tuple[bool, ...]
+    silence_ns: NDArray[np.int64]
 
     def consider(self, engine: Engine) -> None:
         """Decide about the alarm raised by the reading just applied, and about those that its decision raises."""
@@ -73,317 +78,167 @@ class Judge:
             monitor = engine.track[0]["monitor"]
             alarm, sensor = Alarm(int(monitor["alarm"])), int(monitor["alarm_sensor"])
             monitor["alarm"] = Alarm.NONE
+            reactions = Reactions(engine, self.noise_std)
             match alarm:
                 case Alarm.NONE:
                     return
                 case Alarm.FROZEN | Alarm.GARBAGE:
-                    kind = Kind.STUCK if alarm is Alarm.FROZEN else Kind.GARBAGE
-                    self._unusable(engine, sensor, kind)
+                    self._unusable(reactions, sensor, Kind.STUCK if alarm is Alarm.FROZEN else Kind.GARBAGE)
                 case Alarm.HEALED:
-                    self._healed(engine, sensor)
+                    self._healed(reactions, sensor)
+                case Alarm.RETRY:
+                    self._retry(reactions)
                 case _:
-                    self._weigh(engine, alarm)
+                    self._weigh(reactions, alarm)
 
-    def _weigh(self, engine: Engine, alarm: Alarm) -> None:
+    def _weigh(self, reactions: Reactions, alarm: Alarm) -> None:
         """Ask isolation, and do what follows from its answer; alarms within an open case wait for its review."""
-        desk, entries = engine.desk[0], int(engine.track[0]["monitor"]["entries"])
+        engine = reactions.engine
+        desk, entries = engine.desk[0], reactions.entries
         if alarm is not Alarm.REVIEW and entries < desk["review_at"]:
             return
         if desk["case_at"] == 0:
             desk["case_at"] = entries
-        finding = self._finding(engine)
+        finding = self._finding(reactions)
         age = entries - int(desk["case_at"])
-        overdue = age > self.layout.shape.window // 2
-        if finding.outcome is Outcome.NOTHING or (finding.outcome is Outcome.UNDECIDED and overdue):
-            self._close(engine)
-        elif finding.outcome is Outcome.UNDECIDED:
+        undecided = finding.outcome is Outcome.UNDECIDED
+        if undecided and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + max(1, int(PATIENCE * age))
-            self._suspect(engine, finding)
+            if age > 0:
+                reactions.suspect(finding.sensors)
         elif finding.outcome is Outcome.MODEL:
-            self._write(engine, "model", 1)
+            reactions.write("model", 1)
             desk["review_at"] = entries + self.layout.shape.window
-        elif finding.outcome is Outcome.AMBIGUOUS:
-            self._cover(engine, finding)
+        elif finding.outcome is Outcome.AMBIGUOUS or (undecided and len(finding.sensors) > 1):
+            reactions.cover(finding)
+            desk["review_at"] = entries + self.layout.shape.window
         else:
-            self._close(engine)
-            self._react(engine, finding)
+            reactions.close()
+            if finding.outcome in (Outcome.ONE, Outcome.GROUP):
+                self._react(reactions, finding)
 
-    def _finding(self, engine: Engine) -> Finding:
-        """What isolation says about the window now; sensors not used have nothing to plead."""
-        window = engine.window
-        out = self._out(engine)
+    def _finding(self, reactions: Reactions) -> Finding:
+        """What isolation says about the window now; who is out or silent has nothing to plead."""
+        track = reactions.engine.track[0]
+        age_ns = int(track["t_ns"]) - track["sensor_t_ns"]
+        silent = {int(k) for k in np.flatnonzero((self.silence_ns > 0) & (age_ns > self.silence_ns))}
+        out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
-        return isolate(respond(window, self.layout.shape.inputs), asked)
+        return isolate(respond(reactions.window, self.layout.shape.inputs), asked)
 
-    def _out(self, engine: Engine) -> set[int]:
-        """Numbers of the sensors not used now."""
-        reaction = engine.track[0]["reaction"]
-        out = (reaction["excluded"] != 0) & (reaction["until_ns"] == 0)
-        return {int(k) for k in np.flatnonzero(out)}
-
-    def _records(self, engine: Engine) -> Iterable[NDArray[Any]]:
-        """The track and every snapshot of it."""
-        return engine.histories
-
-    def _write(self, engine: Engine, field: str, value: Any, sensor: int | None = None) -> None:
-        """Write a decision into the track and all its snapshots."""
-        for records in self._records(engine):
-            if sensor is None:
-                records["reaction"][field] = value
-            else:
-                records["reaction"][field][:, sensor] = value
-
-    def _close(self, engine: Engine) -> None:
-        """No case is open, nobody is suspected, the model is not blamed."""
-        desk, reaction = engine.desk[0], engine.track[0]["reaction"]
-        desk["case_at"] = desk["review_at"] = 0
-        self._write(engine, "model", 0)
-        for sensor in np.flatnonzero(reaction["health"] == Health.SUSPECT):
-            self._clear(engine, int(sensor))
-
-    def _clear(self, engine: Engine, sensor: int) -> None:
-        """The sensor is healthy, and its readings are believed as they are from now on."""
-        names = (
-            "health",
-            "kind",
-            "size",
-            "size_std",
-            "suspects",
-            "noise_excess",
-            "from_ns",
-            "offset",
-            "drift",
-            "gain_error",
-        )
-        for field in names:
-            self._write(engine, field, 0, sensor)
-
-    def _suspect(self, engine: Engine, finding: Finding) -> None:
-        """Those who may be it are suspect until the case is settled; who is known to be faulty stays so."""
-        for sensor in finding.sensors:
-            if engine.track[0]["reaction"]["health"][sensor] == Health.HEALTHY:
-                self._write(engine, "health", Health.SUSPECT, sensor)
-
-    def _name(self, engine: Engine, sensor: int, fit: Fit, kind: Kind, health: Health) -> None:
-        """Write what is wrong with the sensor."""
-        window = engine.window
-        at = [k for k, part in enumerate(fit.hypothesis.parts) if any(s.sensor == sensor for s in part)]
-        strength = [abs(fit.size[k]) / max(np.sqrt(fit.covariance[k, k]), 1e-300) for k in at]
-        chosen = at[int(np.argmax(strength))]
-        part = fit.hypothesis.parts[chosen]
-        mine = [suspect for suspect in part if suspect.sensor == sensor]
-        size = float(fit.size[chosen])
-        said = {
-            "health": health,
-            "kind": kind,
-            "channel": self._channel(mine) if len(mine) == 1 else -1,
-            "size": 1.0 + size if kind is Kind.SCALE else size,
-            "size_std": float(np.sqrt(fit.covariance[chosen, chosen])),
-            "onset_ns": int(window["t_ns"][fit.onset]),
-            "since_ns": int(engine.track[0]["t_ns"]),
-            "suspects": 0,
-        }
-        for field, value in said.items():
-            self._write(engine, field, value, sensor)
-
-    def _channel(self, mine: list[Any]) -> int:
-        """Raw channel of a suspect; an input's number becomes the channel that drives it."""
-        suspect = mine[0]
-        if not suspect.is_input:
-            return int(suspect.channel)
-        slot = self.layout.inputs[suspect.channel].name
-        channels = [channel.name for channel in self.layout.sensors[suspect.sensor].channels]
-        return channels.index(slot)
-
-    def _cover(self, engine: Engine, finding: Finding) -> None:
-        """Weigh every member of an ambiguous set down to what its error would have to be, and ask again later."""
-        fit, desk = finding.fit, engine.desk[0]
-        assert fit is not None
-        mask = sum(1 << sensor for sensor in finding.sensors)
-        for sensor in finding.sensors:
-            if self.layout.sensors[sensor].role is not Role.UPDATE:
-                continue
-            self._write(engine, "health", Health.SUSPECT, sensor)
-            self._write(engine, "kind", finding.choice.kind or fit.kind, sensor)
-            self._write(engine, "size", float(np.max(np.abs(fit.size))), sensor)
-            self._write(engine, "size_std", float(np.sqrt(np.max(np.diagonal(fit.covariance)))), sensor)
-            self._write(engine, "onset_ns", int(engine.window["t_ns"][fit.onset]), sensor)
-            self._write(engine, "suspects", mask & ~(1 << sensor), sensor)
-            error = float(np.max(np.abs(fit.size))) if fit.kind is Kind.BIAS else 0.0
-            noise = float(np.min(self.noise_std[sensor, : self._dof(sensor)]))
-            self._write(
-                engine, "noise_excess", min((error / noise) ** 2, 1e6) if noise > 0.0 else 0.0, sensor
-            )
-        desk["review_at"] = int(engine.track[0]["monitor"]["entries"]) + self.layout.shape.window
-
-    def _dof(self, sensor: int) -> int:
-        """Measured channels of a sensor."""
-        return max(1, int(np.count_nonzero(self.noise_std[sensor])))
-
-    def _react(self, engine: Engine, finding: Finding) -> None:
-        """One sensor, or a group with one fault, is named: exclude it, or use it with its error taken off."""
-        fit = finding.choice.fit or finding.fit
-        assert fit is not None
-        kind = finding.choice.kind
-        onset_ns = int(engine.window["t_ns"][fit.onset])
-        since_ns = self._settled_ns(engine, fit.onset)
-        if kind is Kind.SPIKE:
-            return
-        if kind is Kind.NOISE:
-            self._weigh_down(engine, fit)
-            return
-        if any(engine.track[0]["reaction"]["kind"][s] in LASTING for s in fit.place):
-            self._revise(engine, fit, kind)
-            return
-        named = [(sensor, self._excludable(engine, sensor, fit.place)) for sensor in fit.place]
-        for sensor, excludable in named:
-            health = Health.EXCLUDED if excludable else Health.FAULTY
-            self._name(engine, sensor, fit, kind, health)
-        for sensor, excludable in named:
-            if excludable:
-                self._exclude(engine, sensor, np.abs(self._shift(fit, sensor)) / 2.0)
-            else:
-                self._take_off(engine, sensor, fit, kind, onset_ns)
-        engine.replay_since(since_ns)
-
-    def _settled_ns(self, engine: Engine, onset: int) -> int:
-        """Stamp some entries before the onset."""
-        return int(engine.window["t_ns"][max(0, onset - SETTLED)])
-
-    def _excludable(self, engine: Engine, sensor: int, together: tuple[int, ...]) -> bool:
+    def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""
         if self.policy[sensor] == "compensate":
             return False
         if self.layout.sensors[sensor].role is Role.INPUT:
             return self.replaceable[sensor]
-        updating = {s for s in {*self._out(engine), *together} if self.layout.sensors[s].role is Role.UPDATE}
-        return self.enough(frozenset(updating))
+        gone = {*reactions.out(), *together}
+        return self.enough(frozenset(s for s in gone if self.layout.sensors[s].role is Role.UPDATE))
 
-    def _shift(self, fit: Fit, sensor: int) -> NDArray[np.float64]:
-        """(m,) size of a lasting error by raw channel; where it is no bias, several deviations of the noise."""
-        shift = np.where(self.noise_std[sensor] > 0.0, 4.0 * self.noise_std[sensor], 0.0)
-        if fit.kind is Kind.BIAS and self.layout.sensors[sensor].role is Role.UPDATE:
-            for size, part in zip(fit.size, fit.hypothesis.parts, strict=True):
-                for suspect in part:
-                    if suspect.sensor == sensor:
-                        shift[suspect.channel] = max(
-                            abs(float(size)), 2.0 * self.noise_std[sensor, suspect.channel]
-                        )
-        return shift
-
-    def _exclude(self, engine: Engine, sensor: int, shadow: NDArray[np.float64]) -> None:
-        """Stop using the sensor: where a filter never had it, that filter takes the place of all that did."""
-        rows = self.layout.filters
-        spare = [
-            k
-            for k, row in enumerate(rows)
-            if row.hears == "without" and row.sensor == self.layout.sensors[sensor].name
-        ]
-        for records in self._records(engine):
-            records["reaction"]["excluded"][:, sensor] = 1
-            records["reaction"]["until_ns"][:, sensor] = 0
-            records["reaction"]["shadow_size"][:, sensor] = shadow
-            records["reaction"]["noise_excess"][:, sensor] = 0.0
-            records["reaction"]["from_ns"][:, sensor] = 0
-            records["monitor"]["shadow"][:, sensor] = 0.0
-            for clean in spare:
-                for k, row in enumerate(rows):
-                    if row.hears != "only" and k != clean:
-                        for field in ("x", "U", "d", "filter_t_ns"):
-                            records[field][:, k] = records[field][:, clean]
-
-    def _take_off(self, engine: Engine, sensor: int, fit: Fit, kind: Kind, onset_ns: int) -> None:
-        """Take the error found off every reading since its onset."""
-        if kind not in LASTING:
+    def _react(self, reactions: Reactions, finding: Finding) -> None:
+        """One sensor, or a group with one fault, is named: exclude it, or use it with its error taken off."""
+        fit, kind = finding.choice.fit or finding.fit, finding.choice.kind
+        assert fit is not None
+        if kind is Kind.SPIKE:
             return
-        field = {Kind.BIAS: "offset", Kind.DRIFT: "drift", Kind.SCALE: "gain_error"}[kind]
-        values = np.zeros(self.layout.shape.payload)
-        for size, part in zip(fit.size, fit.hypothesis.parts, strict=True):
-            for suspect in part:
-                if suspect.sensor == sensor:
-                    values[self._channel([suspect])] = size
-        was = engine.track[0]["reaction"][field][sensor].copy()
-        self._write(engine, field, was + values, sensor)
-        self._write(engine, "from_ns", max(1, onset_ns), sensor)
+        if kind is Kind.NOISE:
+            self._weigh_down(reactions, fit)
+            return
+        known = reactions.reaction["kind"]
+        for sensor in fit.place:
+            if known[sensor] in LASTING and reactions.reaction["health"][sensor] == Health.FAULTY:
+                self._revise(reactions, sensor, fit, kind)
+            elif self._excludable(reactions, sensor, fit.place):
+                reactions.name(sensor, fit, kind, Health.EXCLUDED)
+                self._send_out(reactions, sensor, fit)
+            else:
+                reactions.name(sensor, fit, kind, Health.FAULTY)
+                reactions.take_off(sensor, fit, kind)
+        reactions.replay()
 
-    def _revise(self, engine: Engine, fit: Fit, kind: Kind) -> None:
+    def _send_out(self, reactions: Reactions, sensor: int, fit: Fit) -> None:
+        """Exclude a sensor whose fault began with the fit's onset."""
+        reactions.exclude(sensor, fit.onset, reactions.half_size(sensor, fit))
+        if self.layout.sensors[sensor].role is Role.INPUT:
+            self._schedule(reactions, sensor)
+
+    def _schedule(self, reactions: Reactions, sensor: int) -> None:
+        """Set the time at which an input is looked at again."""
+        wait_ns = self._wait_ns(reactions, sensor, RETRY_S)
+        due = reactions.now_ns + wait_ns
+        reactions.write("since_ns", reactions.now_ns, sensor)
+        planned = int(reactions.engine.desk[0]["retry_ns"])
+        reactions.engine.desk[0]["retry_ns"] = min(planned, due) if planned else due
+
+    def _wait_ns(self, reactions: Reactions, sensor: int, shortest_s: float) -> int:
+        """How long a sensor waits, doubled with every relapse."""
+        relapses = min(int(reactions.reaction["relapses"][sensor]), RELAPSES)
+        return int(shortest_s * 2.0**relapses * NANOSECONDS)
+
+    def _revise(self, reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> None:
         """A sensor used with its error taken off errs anew: it has healed, or the error is another one."""
-        for sensor in fit.place:
-            reaction = engine.track[0]["reaction"]
-            onset_ns = int(engine.window["t_ns"][fit.onset])
-            left = float(reaction["size"][sensor]) + float(fit.size[0])
-            if reaction["kind"][sensor] == Kind.SCALE:
-                left -= 1.0
-            std = np.hypot(float(reaction["size_std"][sensor]), float(np.sqrt(fit.covariance[0, 0])))
-            if kind is reaction["kind"][sensor] or kind is Kind.BIAS:
-                healed = abs(left) < SURE * std + float(np.min(self.noise_std[sensor, : self._dof(sensor)]))
-            else:
-                healed = False
-            since_ns = self._settled_ns(engine, fit.onset)
-            if healed:
-                self._clear(engine, sensor)
-            else:
-                self._name(engine, sensor, fit, kind, Health.FAULTY)
-                self._take_off(engine, sensor, fit, kind, onset_ns)
-            engine.replay_since(since_ns)
+        left, std = reactions.left_over(sensor, fit, kind)
+        slack = 0.0 if kind is Kind.SCALE else reactions.noise(sensor)
+        if kind in LASTING and abs(left) < SURE * std + slack:
+            reactions.end_correction(sensor, fit)
+            reactions.clear(sensor)
+        else:
+            reactions.take_off(sensor, fit, kind)
+            reactions.name(sensor, fit, kind, Health.FAULTY)
 
-    def _weigh_down(self, engine: Engine, fit: Fit) -> None:
+    def _weigh_down(self, reactions: Reactions, fit: Fit) -> None:
         """The sensor is noisier, or quieter again, than was thought: use the noise it has."""
-        since_ns = self._settled_ns(engine, fit.onset)
         for sensor in fit.place:
-            reaction = engine.track[0]["reaction"]
-            factor = float(fit.size[0]) ** 2 * (1.0 + float(reaction["noise_excess"][sensor]))
-            if factor < 1.5**2:
-                self._clear(engine, sensor)
-                continue
-            self._name(engine, sensor, fit, Kind.NOISE, Health.FAULTY)
-            self._write(engine, "size", float(np.sqrt(factor)), sensor)
-            self._write(engine, "noise_excess", factor - 1.0, sensor)
-        engine.replay_since(max(since_ns, int(engine.window["t_ns"][max(0, fit.onset)]) - 1))
+            excess = float(reactions.reaction["noise_excess"][sensor])
+            variance = float(fit.size[0]) ** 2 * (1.0 + excess)
+            if variance < 1.5**2:
+                reactions.clear(sensor)
+            elif variance > LARGEST_NOISE**2 and self._excludable(reactions, sensor, fit.place):
+                reactions.name(sensor, fit, Kind.NOISE, Health.EXCLUDED)
+                self._send_out(reactions, sensor, fit)
+            else:
+                reactions.name(sensor, fit, Kind.NOISE, Health.FAULTY)
+                reactions.write("size", float(np.sqrt(variance)), sensor)
+                reactions.write("noise_excess", variance - 1.0, sensor)
+        reactions.since(fit.onset)
+        reactions.replay()
 
-    def _unusable(self, engine: Engine, sensor: int, kind: Kind) -> None:
+    def _unusable(self, reactions: Reactions, sensor: int, kind: Kind) -> None:
         """Its readings are frozen, or cannot be used at all."""
-        if sensor in self._out(engine):
+        if sensor in reactions.out():
             return
-        track = engine.track[0]
-        window = engine.window
-        mine = np.flatnonzero(window["sensor"] == sensor)
-        run = int(track["monitor"]["run"][sensor])
-        onset = (
-            int(mine[max(0, len(mine) - 1 - run)])
-            if len(mine) and kind is Kind.STUCK
-            else max(0, len(window) - 1)
-        )
-        since_ns = self._settled_ns(engine, onset) if len(window) else int(track["t_ns"])
-        can_go = self._excludable(engine, sensor, (sensor,))
-        said = {
-            "health": Health.EXCLUDED if can_go else Health.FAULTY,
-            "kind": kind,
-            "channel": -1,
-            "size": 0.0,
-            "size_std": 0.0,
-            "onset_ns": int(window["t_ns"][onset]) if len(window) else int(track["t_ns"]),
-            "since_ns": int(track["t_ns"]),
-            "suspects": 0,
-        }
-        for field, value in said.items():
-            self._write(engine, field, value, sensor)
-        if can_go:
-            self._close(engine)
-            self._exclude(engine, sensor, 4.0 * self.noise_std[sensor])
-            engine.replay_since(since_ns)
+        onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
+        reactions.close()
+        reactions.name_unusable(sensor, kind, onset)
+        reactions.exclude(sensor, onset, 4.0 * self.noise_std[sensor])
+        if self.layout.sensors[sensor].role is Role.INPUT:
+            self._schedule(reactions, sensor)
+        reactions.replay()
 
-    def _healed(self, engine: Engine, sensor: int) -> None:
+    def _healed(self, reactions: Reactions, sensor: int) -> None:
         """An excluded sensor agrees with the estimate: first on probation, then, once it has waited, used again."""
-        reaction, now_ns = engine.track[0]["reaction"], int(engine.track[0]["t_ns"])
-        if reaction["health"][sensor] != Health.PROBATION:
-            self._write(engine, "health", Health.PROBATION, sensor)
-            self._write(engine, "since_ns", now_ns, sensor)
-            return
-        relapses = int(reaction["relapses"][sensor])
-        wait_ns = int(PROBATION_S * 2.0**relapses * NANOSECONDS)
-        if now_ns - int(reaction["since_ns"][sensor]) < wait_ns:
-            return
-        self._clear(engine, sensor)
-        self._write(engine, "until_ns", now_ns + 1, sensor)
-        self._write(engine, "relapses", min(relapses + 1, RELAPSES), sensor)
+        if reactions.reaction["health"][sensor] != Health.PROBATION:
+            reactions.write("health", Health.PROBATION, sensor)
+            reactions.write("since_ns", reactions.now_ns, sensor)
+        elif reactions.now_ns - reactions.reaction["since_ns"][sensor] >= self._wait_ns(
+            reactions, sensor, PROBATION_S
+        ):
+            reactions.readmit(sensor)
+            reactions.clear(sensor)
+
+    def _retry(self, reactions: Reactions) -> None:
+        """Try excluded inputs that have waited, and believe those that were tried and raised no alarm."""
+        reactions.engine.desk[0]["retry_ns"] = 0
+        for sensor in self.layout.sensors:
+            number, health = sensor.number, reactions.reaction["health"][sensor.number]
+            if sensor.role is not Role.INPUT or health not in (Health.EXCLUDED, Health.PROBATION):
+                continue
+            waited_ns = reactions.now_ns - int(reactions.reaction["since_ns"][number])
+            if waited_ns < self._wait_ns(reactions, number, RETRY_S):
+                self._schedule(reactions, number)
+            elif health == Health.PROBATION:
+                reactions.clear(number)
+            else:
+                reactions.readmit(number)
+                reactions.write("health", Health.PROBATION, number)
+                self._schedule(reactions, number)

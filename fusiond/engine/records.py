@@ -128,7 +128,8 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     out is, bit for bit, a run that never had it. U (n, n) is unit upper triangular (only its upper part is meant),
     d >= 0; they are the covariance of the error of x.
     u: the inputs held now, u_var their variances.   sensor_t_ns: stamp of each sensor's last
-    reading, held ones included; sensor_z: its last used one.   resets, jump: as in the report.
+    reading, held ones included; sensor_z: its last used one.   gap_from_ns, gap_to_ns: its last
+    silence that was longer than healthy.   resets, jump: as in the report.
     """
     n, f, s, m, ni = shape.errors, shape.filters, shape.sensors, shape.payload, shape.inputs
     return record(
@@ -137,6 +138,7 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
         ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, shape.states)), ("U", "<f8", (f, n, n)), ("d", "<f8", (f, n)),
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
+        ("gap_from_ns", "<i8", (s,)), ("gap_to_ns", "<i8", (s,)),
         ("reaction", reaction_dtype(sensors=s, payload=m)), ("monitor", shape.monitor),
     )  # fmt: skip
 
@@ -153,6 +155,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
         ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
         ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
         ("odd_start_ns", "<i8"), ("pause", "<i8"), ("replay_from", "<i8"), ("review_at", "<i8"), ("case_at", "<i8"),
+        ("retry_ns", "<i8"),
         ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
         ("reference_t_ns", "<i8"), ("reference", "<f8", (shape.references,)), ("has_reference", "<i8"),
         ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)),

@@ -34,7 +34,8 @@ def monitor_dtype(
     last_e: whitened innovations of the sensor's last reading.   slow: its slow innovation variance less one.
     raw_z: last values sent;   pairs, equal: readings that could and that did repeat them, the current run left out;
     run: equal values in a row;   run_h: what was predicted when the run began.
-    garbage: unusable readings, counted with decay.   shadow: (s, 3) evidence that an excluded sensor has healed.
+    garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
+    its sensor.   shadow: (s, 3) evidence that an excluded sensor has healed.
     """
     n, s, m, c = errors, sensors, payload, cells
     return packed([
@@ -44,7 +45,7 @@ def monitor_dtype(
         ("phi", "<f8", (n, c)), ("llr", "<f8", (c,)), ("count", "<i8", (c,)),
         ("variance", "<f8", (s, 2)), ("pooled", "<f8", (2,)), ("white", "<f8", (s, 2)), ("last_e", "<f8", (s, m)),
         ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
-        ("garbage", "<f8", (s,)), ("run", "<i8", (s,)), ("run_h", "<f8", (s, m)), ("shadow", "<f8", (s, 3)),
+        ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("run", "<i8", (s,)), ("run_h", "<f8", (s, m)), ("shadow", "<f8", (s, 3)),
     ])  # fmt: skip
 
 
@@ -57,7 +58,7 @@ def tests_dtype(*, sensors: int, cells: int) -> np.dtype[Any]:
     gate: (s,) largest nis that is used;   variance_limit, white_limit: (s, 2);   pooled_limit: (2,).
     repeat_log: log of the wanted readings between false alarms of the frozen test.
     dead_band: (s,) mean of a whitened innovation that is no fault.   studentise: (s,) share of one reading in the slow
-    variance, 0 where the declared noise is believed.
+    variance, 0 where the declared noise is believed.   usual_share: of one reading in the usual value of an input.
     """
     s, c = sensors, cells
     return packed([
@@ -65,6 +66,7 @@ def tests_dtype(*, sensors: int, cells: int) -> np.dtype[Any]:
         ("first", "<i8", (s,)), ("last", "<i8", (s,)), ("is_input", "<i8", (s,)),
         ("gate", "<f8", (s,)), ("variance_limit", "<f8", (s, 2)), ("white_limit", "<f8", (s, 2)),
         ("pooled_limit", "<f8", (2,)), ("repeat_log", "<f8"), ("dead_band", "<f8", (s,)), ("studentise", "<f8", (s,)),
+        ("usual_share", "<f8", (s,)),
     ])  # fmt: skip
 
 
@@ -74,17 +76,18 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
     health: types.Health;   kind: types.Kind;   size, size_std: in the channel's unit (drift: per second; noise, scale:
     a factor; delay: s);   channel: raw channel, -1 all;   onset_ns, since_ns: when it began, when it was named;
     suspects: bit k set where it cannot be told from a fault of sensor k.
-    excluded: its readings correct nothing, up to until_ns where that is set.   relapses: how often it has come back.
-    from_ns: readings from here on are corrected by offset, drift (per
-    second since onset_ns) and gain_error (a factor less one).   noise_excess: its R is this much larger, a factor
-    less one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return.
+    excluded: its readings from out_from_ns to until_ns (0: for good) correct nothing.   relapses: how often it has come
+    back.   from_ns, to_ns: (s, 2) the error taken off before, and the one now (0: none; 0: for good): offset, drift (per
+    second since from_ns) and gain_error (a factor less one).   noise_excess: its R is this much larger, a factor less
+    one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return.
     model: 1 while the model, not a sensor, is thought wrong.
     """
     s, m = sensors, payload
     return packed([
         ("health", "<i8", (s,)), ("kind", "<i8", (s,)), ("channel", "<i8", (s,)), ("size", "<f8", (s,)),
         ("size_std", "<f8", (s,)), ("onset_ns", "<i8", (s,)), ("since_ns", "<i8", (s,)), ("suspects", "<u8", (s,)),
-        ("excluded", "<i8", (s,)), ("until_ns", "<i8", (s,)), ("relapses", "<i8", (s,)), ("from_ns", "<i8", (s,)),
-        ("offset", "<f8", (s, m)), ("drift", "<f8", (s, m)), ("gain_error", "<f8", (s, m)),
-        ("noise_excess", "<f8", (s,)), ("shadow_size", "<f8", (s, m)), ("model", "<i8"),
+        ("excluded", "<i8", (s,)), ("out_from_ns", "<i8", (s,)), ("until_ns", "<i8", (s,)),
+        ("relapses", "<i8", (s,)), ("from_ns", "<i8", (s, 2)), ("to_ns", "<i8", (s, 2)), ("offset", "<f8", (s, 2, m)),
+        ("drift", "<f8", (s, 2, m)), ("gain_error", "<f8", (s, 2, m)), ("noise_excess", "<f8", (s,)),
+        ("shadow_size", "<f8", (s, m)), ("model", "<i8"),
     ])  # fmt: skip

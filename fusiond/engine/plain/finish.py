@@ -23,6 +23,6 @@ def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None
     finite = describe_state(track, report)
     describe_resets(track, report)
     judge_health(track, design, now_ns, finite, report)
-    describe_faults(track, report)
+    describe_faults(track, design, report)
     if CONTROLS > 0 and track.started:
         steer(desk, design, now_ns, report)

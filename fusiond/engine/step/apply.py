@@ -9,9 +9,9 @@ from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
 
-from .monitor import corrected, fall_back, is_excluded
+from .monitor import corrected, fall_back, is_excluded, note_input
 from .predict import predict
-from .sizes import FILTERS, SENSORS
+from .sizes import FILTERS, SENSORS, STEADY
 from .update import correct, look
 
 INPUT = int(Role.INPUT)
@@ -36,15 +36,13 @@ def start(track: Any, design: Any, t_ns: int) -> None:
     for sensor in range(SENSORS):
         track.sensor_seen[sensor] = 0
         track.sensor_t_ns[sensor] = t_ns
+        track.gap_to_ns[sensor] = 0
 
 
 @kernel
 def hold_input(track: Any, design: Any, reading: Any, report: Any) -> None:
     """Hold the numbers of an input, and their variances, in track.u, u_var."""
     sensor = reading.sensor
-    if is_excluded(track, sensor, reading.t_ns):
-        report.verdict = EXCLUDED
-        return
     for i in range(design.length[sensor]):
         driven = design.drives[sensor, i]
         variance = reading.R[i, i] if reading["flags"] & HAS_R else design.R[sensor, i]
@@ -92,6 +90,17 @@ def update(track: Any, design: Any, work: Any, reading: Any, report: Any) -> Non
 
 
 @kernel
+def note_gap(track: Any, design: Any, sensor: int, t_ns: int) -> None:
+    """Remember a silence that was too long; one soon after another continues it."""
+    limit = design.silence_ns[sensor]
+    if not 0 < limit < t_ns - track.sensor_t_ns[sensor]:
+        return
+    if t_ns - track.gap_to_ns[sensor] > STEADY * limit:
+        track.gap_from_ns[sensor] = track.sensor_t_ns[sensor]
+    track.gap_to_ns[sensor] = t_ns
+
+
+@kernel
 def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
     """Apply one screened reading, no older than the last one applied. Writes report.verdict, nu, S, R_*, e, nis.
 
@@ -101,6 +110,7 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
     if not track.started:
         start(track, design, reading.t_ns)
     track.t_ns = reading.t_ns
+    note_gap(track, design, sensor, reading.t_ns)
     track.sensor_t_ns[sensor] = reading.t_ns
     if repeats(track, design, reading):
         report.verdict = HELD
@@ -109,7 +119,11 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
     given = corrected(track, design, reading, work.spare)
     fall_back(track, design, given.t_ns)
     if design.role[sensor] == INPUT:
-        drive(track, design, work, given, report)
+        if is_excluded(track, sensor, reading.t_ns):
+            report.verdict = EXCLUDED
+        else:
+            note_input(track, design, work, given)
+            drive(track, design, work, given, report)
     else:
         update(track, design, work, given, report)
     track.sensor_seen[sensor] = 1

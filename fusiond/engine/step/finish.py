@@ -11,7 +11,7 @@ from fusiond.numerics.ud import ud_variance
 from fusiond.types import Health, Kind, ServiceHealth
 
 from .law import command
-from .sizes import CONTROLS, ERRORS, SENSORS, STATES
+from .sizes import CONTROLS, ERRORS, SENSORS, STATES, STEADY
 
 HEALTHY = int(Health.HEALTHY)
 SILENT = int(Health.SILENT)
@@ -50,7 +50,10 @@ def judge_health(track: Any, design: Any, now_ns: int, finite: bool, report: Any
     sound = track.reaction.model == 0
     for sensor in range(SENSORS):
         age_ns = now_ns - track.sensor_t_ns[sensor]
-        quiet = track.started and 0 < design.silence_ns[sensor] < age_ns
+        limit = design.silence_ns[sensor]
+        quiet = track.started and 0 < limit < age_ns
+        if STEADY > 0 and track.gap_to_ns[sensor] != 0:
+            quiet = quiet or now_ns - track.gap_to_ns[sensor] < STEADY * limit
         report.health[sensor] = SILENT if quiet else track.reaction.health[sensor]
         sound = sound and report.health[sensor] == HEALTHY
     age_ns = now_ns - track.update_ns
@@ -63,7 +66,17 @@ def judge_health(track: Any, design: Any, now_ns: int, finite: bool, report: Any
 
 
 @kernel
-def describe_faults(track: Any, report: Any) -> None:
+def silent_since(track: Any, design: Any, sensor: int) -> int:
+    """Last reading before the silence, or before the first of several in a row."""
+    last_ns = track.sensor_t_ns[sensor]
+    broken = STEADY > 0 and track.gap_to_ns[sensor] != 0
+    if broken and last_ns - track.gap_to_ns[sensor] < STEADY * design.silence_ns[sensor]:
+        return int(track.gap_from_ns[sensor])
+    return int(last_ns)
+
+
+@kernel
+def describe_faults(track: Any, design: Any, report: Any) -> None:
     """Write what is known to be wrong with every sensor, silence included."""
     reaction = track.reaction
     report.model = reaction.model
@@ -73,7 +86,9 @@ def describe_faults(track: Any, report: Any) -> None:
         report.fault_channel[sensor] = -1 if silent else reaction.channel[sensor]
         report.fault_size[sensor] = 0.0 if silent else reaction["size"][sensor]
         report.fault_std[sensor] = 0.0 if silent else reaction.size_std[sensor]
-        report.fault_onset_ns[sensor] = track.sensor_t_ns[sensor] if silent else reaction.onset_ns[sensor]
+        report.fault_onset_ns[sensor] = (
+            silent_since(track, design, sensor) if silent else reaction.onset_ns[sensor]
+        )
         report.suspects[sensor] = 0 if silent else reaction.suspects[sensor]
 
 
@@ -101,6 +116,6 @@ def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None
     finite = describe_state(track, report)
     describe_resets(track, report)
     judge_health(track, design, now_ns, finite, report)
-    describe_faults(track, report)
+    describe_faults(track, design, report)
     if CONTROLS > 0 and track.started:
         steer(desk, design, now_ns, report)

@@ -42,6 +42,11 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
+def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """An input is about to drive the prediction."""
+
+
+@kernel
 def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
     """The reading with the known error of its sensor taken off."""
     return reading

@@ -16,15 +16,18 @@ from .spread_tests import ask, clear_tests, test_frozen, test_scatter, variance_
 
 __all__ = [
     "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
-    "is_excluded", "note_unusable",
+    "is_excluded", "note_input", "note_unusable",
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
-GARBAGE, HEALED, REVIEW = int(Alarm.GARBAGE), int(Alarm.HEALED), int(Alarm.REVIEW)
+GARBAGE, HEALED = int(Alarm.GARBAGE), int(Alarm.HEALED)
+REVIEW, RETRY = int(Alarm.REVIEW), int(Alarm.RETRY)
 FEW, DECAY = 1.5, 0.9
 """Unusable readings are counted with this decay per sound one; beyond FEW (two in a row) they are a fault."""
 PATIENT = 6.9
 """Log likelihood ratio at which an excluded sensor is believed healed: one in a thousand that it is not."""
+SHORTEST_S = 1e-4
+"""A missing input's noise is spread over no shorter an interval."""
 LARGEST_SLOW = 3.0
 """An innovation this many deviations large, or larger, counts as this in the slow variance."""
 
@@ -136,36 +139,52 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
 def is_excluded(track: Any, sensor: int, t_ns: int) -> bool:
     """Whether the sensor's readings of that time are not used."""
     reaction = track.reaction
-    return bool(
-        reaction.excluded[sensor] and (reaction.until_ns[sensor] == 0 or t_ns < reaction.until_ns[sensor])
-    )
+    out = reaction.excluded[sensor] and t_ns >= reaction.out_from_ns[sensor]
+    return bool(out and (reaction.until_ns[sensor] == 0 or t_ns < reaction.until_ns[sensor]))
 
 
 @kernel
 def fall_back(track: Any, design: Any, t_ns: int) -> None:
-    """Give inputs that are silent or excluded their configured fallback, 0 with `without_var`."""
+    """Give inputs that are silent or excluded their usual value, and white noise of `without_var` over a second."""
+    interval_s = max((t_ns - track.filter_t_ns[0]) * 1e-9, SHORTEST_S)
     for sensor in range(SENSORS):
         if design.role[sensor] != INPUT or design.without_var[sensor, 0] <= 0.0:
             continue
         silent = 0 < design.silence_ns[sensor] < t_ns - track.sensor_t_ns[sensor]
         if silent or is_excluded(track, sensor, t_ns):
             for i in range(design.length[sensor]):
-                track.u[design.drives[sensor, i]] = 0.0
-                track.u_var[design.drives[sensor, i]] = design.without_var[sensor, i]
+                track.u[design.drives[sensor, i]] = track.monitor.usual[sensor, i]
+                track.u_var[design.drives[sensor, i]] = design.without_var[sensor, i] / interval_s
+
+
+@kernel
+def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Learn what the input usually is, and whether it repeats itself."""
+    monitor, sensor = track.monitor, reading.sensor
+    for i in range(design.length[sensor]):
+        if track.sensor_seen[sensor]:
+            monitor.usual[sensor, i] += design.tests.usual_share[sensor] * (
+                reading.z[i] - monitor.usual[sensor, i]
+            )
+        else:
+            monitor.usual[sensor, i] = reading.z[i]
+    test_frozen(track, design, work, reading)
 
 
 @kernel
 def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
-    """The reading with what is known of its sensor's error taken off: (z - offset - drift (t - onset)) / gain."""
+    """The reading with what is known of its sensor's error taken off: (z - offset - drift (t - from)) / gain."""
     reaction, sensor = track.reaction, reading.sensor
-    if reaction.from_ns[sensor] == 0 or reading.t_ns < reaction.from_ns[sensor]:
-        return reading
-    spare[0] = reading
-    since_s = (reading.t_ns - reaction.onset_ns[sensor]) * 1e-9
-    for i in range(design.dof[sensor]):
-        error = reaction.offset[sensor, i] + reaction.drift[sensor, i] * since_s
-        spare[0].z[i] = (reading.z[i] - error) / (1.0 + reaction.gain_error[sensor, i])
-    return spare[0]
+    for k in range(2):
+        begins, ends = reaction.from_ns[sensor, k], reaction.to_ns[sensor, k]
+        if begins != 0 and begins <= reading.t_ns and (ends == 0 or reading.t_ns < ends):
+            spare[0] = reading
+            since_s = (reading.t_ns - begins) * 1e-9
+            for i in range(design.length[sensor]):
+                error = reaction.offset[sensor, k, i] + reaction.drift[sensor, k, i] * since_s
+                spare[0].z[i] = (reading.z[i] - error) / (1.0 + reaction.gain_error[sensor, k, i])
+            return spare[0]
+    return reading
 
 
 @kernel
@@ -195,6 +214,7 @@ def forget_all(track: Any, desk: Any) -> None:
     reaction.until_ns[:] = 0
     reaction.relapses[:] = 0
     reaction.from_ns[:] = 0
+    reaction.to_ns[:] = 0
     reaction.noise_excess[:] = 0.0
     reaction.health[:] = 0
     reaction.kind[:] = 0
@@ -202,6 +222,7 @@ def forget_all(track: Any, desk: Any) -> None:
     reaction.model = 0
     desk.review_at = 0
     desk.case_at = 0
+    desk.retry_ns = 0
 
 
 @kernel
@@ -210,4 +231,6 @@ def awaits_judgement(track: Any, desk: Any) -> bool:
     monitor = track.monitor
     if 0 < desk.review_at <= monitor.entries:
         ask(monitor, REVIEW, 0)
+    if 0 < desk.retry_ns <= track.t_ns:
+        ask(monitor, RETRY, 0)
     return bool(monitor.alarm != 0)

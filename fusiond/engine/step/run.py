@@ -194,13 +194,14 @@ def run(
         readings, reports: as many of one as of the other, reports zeroed.
         covariances: (count, n, n), the centralized covariance after each reading; (0, n, n) where nobody asks.
     Returns:
-        How many were taken. Fewer than given means that the ring must grow before the next or, with desk.pause ==
-        TO_JUDGE, that the next has been applied and raised an alarm: judge, set JUDGED, and give it again.
+        How many were taken; none with desk.pause == TO_REPLAY, which needs a reading for form's sake only. Fewer than
+        given means that the ring must grow before the next or, with desk.pause == TO_JUDGE, that the next has been
+        applied and raised an alarm: judge, set JUDGED, and give it again.
     """
     desk, work = desks[0], works[0]
     spare_tracks, spare_reports, spare_readings = spares
     for k in range(readings.shape[0]):
-        if ring_is_full(desk, design[0], ring):
+        if desk.pause != TO_REPLAY and ring_is_full(desk, design[0], ring):
             return k
         reading, report = measured(readings, k, design[0], spare_readings), reports[k]
         phase, desk.pause = desk.pause, 0
@@ -224,6 +225,8 @@ def run(
         advance_from(
             tracks, desk, design[0], work, spare_reports, ring, snapshots, marks, place, first, reports, k
         )
+        if phase == TO_REPLAY:
+            return k
         if phase != JUDGED and awaits_judgement(tracks[0], desk):
             desk.pause = TO_JUDGE
             return k

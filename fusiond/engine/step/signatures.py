@@ -19,7 +19,7 @@ from fusiond.types import Alarm
 from .sizes import CELLS, ERRORS, INPUTS, SENSORS
 
 CELL = int(Alarm.CELL)
-SINGLE = 0.9
+SINGLE = 0.5
 """No single reading carries a cell further than this share of its threshold: one bad sample is no fault."""
 
 

@@ -10,5 +10,7 @@ PAYLOAD = 1
 CONTROLS = 0
 CELLS = 0
 WINDOW = 1
+STEADY = 0
+"""Healthy silences for which a sensor must speak before it is silent no longer; 0 without fault detection."""
 SNAPSHOT_EVERY = 8
 """Readings between two snapshots of the track; a rollback replays at most that many more than it must."""

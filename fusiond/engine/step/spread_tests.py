@@ -20,7 +20,7 @@ POOLED_RATIO = 1.5
 """All sensors together are tested for half as much again, and for two thirds."""
 CORRELATION = 0.3
 """Correlation of successive innovations that is tested for, either sign."""
-SINGLE = 0.9
+SINGLE = 0.5
 """No single reading carries a test further than this share of its limit."""
 LEARNT_AFTER = 20
 """Readings that changed before a run of equal values can be a fault: until then the sensor's manner is unknown."""
@@ -98,10 +98,14 @@ def allowed_run(tests: Any, pairs: int, equal: int) -> int:
 def test_frozen(track: Any, design: Any, work: Any, reading: Any) -> None:
     """Whether the sensor repeats itself for longer than it ever does, or while the state it reads moves on."""
     monitor, tests, sensor = track.monitor, design.tests, reading.sensor
-    same = True
+    same, rest = True, True
     for i in range(design.length[sensor]):
         same = same and monitor.raw_z[sensor, i] == reading.z[i]
+        rest = rest and reading.z[i] == 0.0
         monitor.raw_z[sensor, i] = reading.z[i]
+    if rest:  # exactly nothing, again and again, is what a wheel at rest says
+        monitor.run[sensor] = 0
+        return
     if not same:
         repeated = min(monitor.run[sensor], SHORT)
         monitor.pairs[sensor] += 1 + repeated
@@ -114,7 +118,8 @@ def test_frozen(track: Any, design: Any, work: Any, reading: Any) -> None:
     pairs, equal = monitor.pairs[sensor], monitor.equal[sensor]
     if pairs < LEARNT_AFTER or monitor.run[sensor] < allowed_run(tests, pairs, equal):
         return
-    if equal > RARE * pairs and not moved(track, design, work, sensor):
+    quantised = equal > RARE * pairs
+    if quantised and (tests.is_input[sensor] or not moved(track, design, work, sensor)):
         return
     ask(monitor, FROZEN, sensor)
 

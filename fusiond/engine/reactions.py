@@ -1,0 +1,279 @@
+"""What the estimator does about a fault: every decision written into the track and all its snapshots.
+
+Exclusion. Where a leave-one-out filter exists, it takes the place of all filters that heard the sensor, in every
+snapshot, and the last readings are replayed without it, so that new leave-one-out filters have settled and a second
+fault that began meanwhile is not in them. Without one, the readings since the onset are replayed without the sensor.
+
+Correction. Readings from the onset on are used with the error found taken off; its uncertainty is added to the
+estimate along the direction in which such an error moves it (Friedland 1969), and added once more when it ends.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusiond.faults.course import Suspect
+from fusiond.faults.glr import Fit
+from fusiond.faults.isolation import Finding
+from fusiond.faults.response import respond
+from fusiond.numerics.kernel import interpreted
+from fusiond.numerics.ud import ud_factor
+from fusiond.types import Health, Kind, Role
+
+if TYPE_CHECKING:
+    from fusiond.engine.engine import Engine
+
+SETTLED = 50
+"""Entries before the onset from which leave-one-out filters are made anew after an exclusion."""
+LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE)
+"""Errors that can be taken off a reading."""
+CORRECTIONS = {Kind.BIAS: "offset", Kind.DRIFT: "drift", Kind.SCALE: "gain_error"}
+OWN = ("x", "U", "d", "filter_t_ns")
+"""Fields of the track that belong to one filter."""
+
+
+class Reactions:
+    """Decisions about one engine's sensors, and the replay they ask for.
+
+    Args:
+        noise_std: (s, m) declared deviations.
+    """
+
+    def __init__(self, engine: Engine, noise_std: NDArray[np.float64]) -> None:
+        self.engine = engine
+        self.window = engine.window
+        self.now_ns = int(engine.track[0]["t_ns"])
+        self.entries = int(engine.track[0]["monitor"]["entries"])
+        self.reaction = engine.track[0]["reaction"]
+        self._noise_std = noise_std
+        self._layout = engine.layout
+        self._since_ns: int | None = None
+        self._widened: list[tuple[int, int, float]] = []
+
+    def noise(self, sensor: int) -> float:
+        """The smallest declared deviation among the sensor's channels, in its unit."""
+        used = self._noise_std[sensor][self._noise_std[sensor] > 0.0]
+        return float(np.min(used, initial=np.inf)) if used.size else 0.0
+
+    def out(self) -> set[int]:
+        """Numbers of the sensors not used now."""
+        reaction = self.reaction
+        return {int(k) for k in np.flatnonzero((reaction["excluded"] != 0) & (reaction["until_ns"] == 0))}
+
+    def write(self, field: str, value: Any, sensor: int | None = None) -> None:
+        """Write a decision into the track and all its snapshots."""
+        for records in self.engine.histories:
+            if sensor is None:
+                records["reaction"][field] = value
+            else:
+                records["reaction"][field][:, sensor] = value
+
+    def onset_ns(self, onset: int) -> int:
+        """Stamp of an entry of the window; past its end, now."""
+        return int(self.window["t_ns"][onset]) if onset < len(self.window) else self.now_ns
+
+    def run_began(self, sensor: int) -> int:
+        """Entry at which the sensor's run of equal values began."""
+        mine = np.flatnonzero(self.window["sensor"] == sensor)
+        run = int(self.engine.track[0]["monitor"]["run"][sensor])
+        return int(mine[max(0, len(mine) - 1 - run)]) if len(mine) else len(self.window)
+
+    def since(self, onset: int, *, settled: bool = False) -> None:
+        """Have the readings since an entry replayed, or since some entries before it."""
+        first = max(0, min(onset, len(self.window) - 1) - SETTLED) if settled else onset
+        t_ns = self.onset_ns(first)
+        self._since_ns = t_ns if self._since_ns is None else min(t_ns, self._since_ns)
+
+    def replay(self) -> None:
+        """Replay what was asked for; then widen the covariance where a correction is uncertain."""
+        if self._since_ns is not None:
+            self.engine.replay_since(self._since_ns)
+        for sensor, channel, std in self._widened:
+            self._widen(sensor, channel, std)
+        shadow = self.engine.track[0]["monitor"]["shadow"]
+        shadow[list(self.out())] = 0.0
+
+    def close(self) -> None:
+        """No case is open, nobody is suspected, the model is not blamed."""
+        desk = self.engine.desk[0]
+        desk["case_at"] = desk["review_at"] = 0
+        self.write("model", 0)
+        for sensor in np.flatnonzero(self.reaction["health"] == Health.SUSPECT):
+            self.clear(int(sensor))
+
+    def clear(self, sensor: int) -> None:
+        """The sensor is healthy."""
+        for field in ("health", "kind", "size", "size_std", "suspects", "noise_excess"):
+            self.write(field, 0, sensor)
+
+    def suspect(self, sensors: tuple[int, ...]) -> None:
+        """Those who may be it are suspect until the case is settled; who is known to be faulty stays so."""
+        for sensor in sensors:
+            if self.reaction["health"][sensor] == Health.HEALTHY:
+                self.write("health", Health.SUSPECT, sensor)
+
+    def name(self, sensor: int, fit: Fit, kind: Kind, health: Health) -> None:
+        """Write what is wrong with the sensor: of several sizes the most significant."""
+        parts = fit.hypothesis.parts
+        at = [k for k, part in enumerate(parts) if any(one.sensor == sensor for one in part)]
+        stds = np.sqrt(np.diagonal(fit.covariance))
+        chosen = at[int(np.argmax([abs(float(fit.size[k])) / max(float(stds[k]), 1e-300) for k in at]))]
+        mine = [one for one in parts[chosen] if one.sensor == sensor]
+        size = float(fit.size[chosen])
+        self._say(
+            sensor, health, kind, self._channel(mine[0]) if len(mine) == 1 else -1,
+            1.0 + size if kind is Kind.SCALE else size, float(stds[chosen]), self.onset_ns(fit.onset),
+        )  # fmt: skip
+
+    def name_unusable(self, sensor: int, kind: Kind, onset: int) -> None:
+        """Write that nothing the sensor says can be used."""
+        self._say(sensor, Health.EXCLUDED, kind, -1, 0.0, 0.0, self.onset_ns(onset))
+
+    def _say(
+        self, sensor: int, health: Health, kind: Kind, channel: int, size: float, std: float, onset_ns: int
+    ) -> None:
+        said = {
+            "health": health, "kind": kind, "channel": channel, "size": size, "size_std": std, "onset_ns": onset_ns,
+            "since_ns": self.now_ns, "suspects": 0,
+        }  # fmt: skip
+        for field, value in said.items():
+            self.write(field, value, sensor)
+
+    def _channel(self, suspect: Suspect) -> int:
+        """Raw channel of a suspect; an input's number becomes the channel that drives it."""
+        if not suspect.is_input:
+            return int(suspect.channel)
+        slot = self._layout.inputs[suspect.channel].name
+        return [channel.name for channel in self._layout.sensors[suspect.sensor].channels].index(slot)
+
+    def cover(self, finding: Finding) -> None:
+        """Weigh every updating member of an ambiguous set down so far that it covers the error it may have."""
+        fit = finding.fit
+        assert fit is not None
+        mask = sum(1 << sensor for sensor in finding.sensors)
+        size, std = float(np.max(np.abs(fit.size))), float(np.sqrt(np.max(np.diagonal(fit.covariance))))
+        for sensor in finding.sensors:
+            self._say(
+                sensor,
+                Health.SUSPECT,
+                finding.choice.kind or fit.kind,
+                -1,
+                size,
+                std,
+                self.onset_ns(fit.onset),
+            )
+            self.write("suspects", mask & ~(1 << sensor), sensor)
+            noise = self.noise(sensor)
+            if self._layout.sensors[sensor].role is Role.UPDATE and fit.kind is Kind.BIAS and noise > 0.0:
+                self.write("noise_excess", min((size / noise) ** 2, 1e6), sensor)
+
+    def exclude(self, sensor: int, onset: int, shadow_size: NDArray[np.float64]) -> None:
+        """Stop using the sensor."""
+        rows, name = self._layout.filters, self._layout.sensors[sensor].name
+        clean = [k for k, row in enumerate(rows) if row.hears == "without" and row.sensor == name]
+        others = [k for k, row in enumerate(rows) if row.hears != "only" and k not in clean]
+        self.write("excluded", 1, sensor)
+        self.write("until_ns", 0, sensor)
+        self.write("out_from_ns", 0 if clean else self.onset_ns(onset), sensor)
+        self.write("shadow_size", shadow_size, sensor)
+        self.write("noise_excess", 0.0, sensor)
+        if clean:
+            for records in self.engine.histories:
+                for field in OWN:
+                    records[field][:, others] = records[field][:, clean]
+        self.since(onset, settled=bool(clean))
+
+    def half_size(self, sensor: int, fit: Fit) -> NDArray[np.float64]:
+        """(m,) half a bias, by raw channel, but no less than one deviation of the noise; else two of them."""
+        half = 2.0 * self._noise_std[sensor]
+        if fit.kind is Kind.BIAS:
+            for size, part in zip(fit.size, fit.hypothesis.parts, strict=True):
+                for one in part:
+                    if one.sensor == sensor and not one.is_input:
+                        half[one.channel] = max(abs(float(size)) / 2.0, self._noise_std[sensor, one.channel])
+        return half
+
+    def readmit(self, sensor: int) -> None:
+        """Use the sensor's readings again from now on."""
+        self.write("until_ns", self.now_ns + 1, sensor)
+        self.write("relapses", int(self.reaction["relapses"][sensor]) + 1, sensor)
+
+    def take_off(self, sensor: int, fit: Fit, kind: Kind) -> None:
+        """Take the error found, on top of what is taken off already, off every reading since its onset."""
+        if kind not in LASTING:
+            return
+        onset_ns = max(1, self.onset_ns(fit.onset))
+        now = self._next_correction(sensor, onset_ns)
+        for k, part in enumerate(fit.hypothesis.parts):
+            for one in part:
+                if one.sensor == sensor:
+                    channel = self._channel(one)
+                    now[CORRECTIONS[kind]][channel] += float(fit.size[k])
+                    if kind is Kind.BIAS and not one.is_input:
+                        self._widened.append((sensor, channel, float(np.sqrt(fit.covariance[k, k]))))
+        for field, value in now.items():
+            self._write_correction(field, value, sensor)
+        self.since(fit.onset)
+
+    def _next_correction(self, sensor: int, onset_ns: int) -> dict[str, Any]:
+        """End the correction now in force at `onset_ns`, and return what goes on from there."""
+        was = {
+            field: np.array(self.reaction[field][sensor])
+            for field in ("from_ns", "to_ns", *CORRECTIONS.values())
+        }
+        now = {field: np.array(was[field][1]) for field in CORRECTIONS.values()}
+        if was["from_ns"][1] and not was["to_ns"][1]:
+            now["offset"] += now["drift"] * (onset_ns - was["from_ns"][1]) * 1e-9
+            was["to_ns"][1] = onset_ns
+        else:
+            now = {field: np.zeros_like(value) for field, value in now.items()}
+        for field, value in was.items():
+            for records in self.engine.histories:
+                records["reaction"][field][:, sensor, 0] = value[1]
+        return {**now, "from_ns": onset_ns, "to_ns": 0}
+
+    def _write_correction(self, field: str, value: Any, sensor: int) -> None:
+        for records in self.engine.histories:
+            records["reaction"][field][:, sensor, 1] = value
+
+    def end_correction(self, sensor: int, fit: Fit) -> None:
+        """Believe the readings as they are from the fit's onset on."""
+        self._next_correction(sensor, self.onset_ns(fit.onset))
+        self._write_correction("from_ns", 0, sensor)
+        channel = max(0, int(self.reaction["channel"][sensor]))
+        self._widened.append((sensor, channel, float(self.reaction["size_std"][sensor])))
+        self.since(fit.onset)
+
+    def left_over(self, sensor: int, fit: Fit, kind: Kind) -> tuple[float, float]:
+        """The error that would remain if the fit's were added to the one taken off, and its deviation.
+
+        A scale is judged as a factor, all else in the channel's unit at the fit's onset.
+        """
+        at = next(
+            k for k, part in enumerate(fit.hypothesis.parts) if any(one.sensor == sensor for one in part)
+        )
+        size, variance = float(fit.size[at]), float(fit.covariance[at, at])
+        known = float(self.reaction["size_std"][sensor])
+        channel = max(0, int(self.reaction["channel"][sensor]))
+        if kind is Kind.SCALE:
+            gain = (1.0 + float(self.reaction["gain_error"][sensor, 1, channel])) * (1.0 + size) - 1.0
+            return gain, float(np.hypot(known, np.sqrt(variance)))
+        since_s = (self.onset_ns(fit.onset) - int(self.reaction["from_ns"][sensor, 1])) * 1e-9
+        taken = float(self.reaction["offset"][sensor, 1, channel])
+        taken += float(self.reaction["drift"][sensor, 1, channel]) * since_s
+        if self.reaction["kind"][sensor] == Kind.DRIFT:
+            known *= since_s
+        return taken + (size if kind is Kind.BIAS else 0.0), float(np.hypot(known, np.sqrt(variance)))
+
+    def _widen(self, sensor: int, channel: int, std: float) -> None:
+        """Add the uncertainty of a bias to the primary filter: P + g g' std^2, g the error such a bias has caused."""
+        response = respond(self.engine.window, 0)
+        columns = response.raw[response.sensor == sensor, channel]
+        g = response.carried[:, columns].sum(axis=1) * std
+        P = self.engine.covariance() + np.outer(g, g)
+        U, d = np.eye(len(P)), np.zeros(len(P))
+        if interpreted(ud_factor)(P, U, d, 1e-9):
+            self.engine.track[0]["U"][0], self.engine.track[0]["d"][0] = U, d
