@@ -138,7 +138,7 @@ def _whitened(R: Array, H: Array) -> tuple[Array, Array, Array]:
     """Decorrelated rows U^-1 H, their noise variances, and U^-1, with R = U diag(d) U'."""
     U, d = np.eye(len(R)), np.zeros(len(R))
     interpreted(ud_factor)(R.copy(), U, d, 1e-9)
-    D = np.linalg.inv(np.triu(U))
+    D = np.asarray(np.linalg.inv(np.triu(U)), dtype=np.float64)
     return D @ H, d, D
 
 

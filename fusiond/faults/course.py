@@ -82,7 +82,7 @@ class Curve:
     def per_reading(self) -> Vector:
         """Information summed from each own reading to the next, the first one at the onset."""
         places = np.cumsum(self.own) - 1
-        return np.bincount(np.maximum(places, 0), weights=self.information)
+        return np.asarray(np.bincount(np.maximum(places, 0), weights=self.information), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)

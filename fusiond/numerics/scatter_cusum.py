@@ -31,8 +31,8 @@ Law = Callable[[Vector], tuple[Vector, Vector]]
 def chi_square(q: Vector, dof: int) -> tuple[Vector, Vector]:
     """Distribution function of chi-square, and its integral from 0 to q."""
     at = np.maximum(q, 0.0) / 2.0
-    F = gammainc(dof / 2.0, at)
-    return F, 2.0 * at * F - dof * gammainc(dof / 2.0 + 1.0, at)
+    F = np.asarray(gammainc(dof / 2.0, at), dtype=np.float64)
+    return F, 2.0 * at * F - dof * np.asarray(gammainc(dof / 2.0 + 1.0, at), dtype=np.float64)
 
 
 def increment_law(ratio: float, dofs: Mapping[int, float], scale: float = 1.0) -> Law:
@@ -48,7 +48,7 @@ def increment_law(ratio: float, dofs: Mapping[int, float], scale: float = 1.0) -
         F, integral = np.zeros_like(x), np.zeros_like(x)
         for dof, share in shares.items():
             offset = -0.5 * dof * math.log(ratio)
-            F_q, integral_q = chi_square((x - offset) / slope, dof)
+            F_q, integral_q = chi_square(np.asarray((x - offset) / slope, dtype=np.float64), dof)
             if slope > 0.0:
                 F += share * F_q
                 integral += share * slope * integral_q
@@ -64,7 +64,7 @@ def increment_law(ratio: float, dofs: Mapping[int, float], scale: float = 1.0) -
 def run_length(threshold: float, law: Law, single: float = SINGLE) -> float:
     """Mean number of readings until the alarm, from 0; no reading adds more than `single` of the threshold."""
     step = threshold / CELLS
-    lattice = step * np.arange(-CELLS, CELLS + 1)
+    lattice: Vector = np.asarray(step * np.arange(-CELLS, CELLS + 1), dtype=np.float64)
     F, integral = law(lattice)
     cap = single * threshold
     if single < 1.0:
