@@ -21,13 +21,15 @@ from rich.console import Console
 from fusiond.assembly.assembly import Assembly, load
 from fusiond.demo.displays import Display, Silence, display_for
 from fusiond.demo.found import found_checks
-from fusiond.demo.plants import config_of, lying_rig
+from fusiond.demo.plants import PLANTS, config_of, lying_rig
 from fusiond.demo.processes import Process, ProcessFailed, wait_until
 from fusiond.demo.scene import Scene, Setting
+from fusiond.demo.unsteered import UNSTEERED, Unsteered, run_of
 from fusiond.demo.verdict import (
     Check,
     Verdict,
     consistency_check,
+    end_check,
     goal_check,
     loss_check,
     replay_check,
@@ -108,10 +110,10 @@ def perform(name: str, duration_s: float, seed: int, display: Display, inject: S
             f"demo.for: {duration_s:g} s (limits {SHORTEST_S:g} to {LONGEST_S:g} s); choose another --for"
         )
     faults = parse_faults(inject)
-    lying_rig(name, seed, inject)
+    _require_name(name, seed, duration_s, inject)
     config = config_of(name)
     assembly = load(config)
-    if assembly.config.control is None or "position_m" not in assembly.config.control.reference:
+    if name in PLANTS and _goal_m(assembly) is None:
         raise ConfigError(
             f"{config}: has no [control] with a reference for position_m; the demonstration needs a goal"
         )
@@ -125,6 +127,23 @@ def perform(name: str, duration_s: float, seed: int, display: Display, inject: S
         stage.watch()
         display.close()
         return stage.outcome()
+
+
+def _require_name(name: str, seed: int, duration_s: float, inject: Sequence[str]) -> None:
+    """Raise ConfigError where nothing of that name can be shown, or its sensors cannot lie as they are asked to."""
+    if name in PLANTS:
+        lying_rig(name, seed, inject)
+    elif name in UNSTEERED:
+        run_of(name, seed, min(duration_s, 1.0), inject)
+    else:
+        known = ", ".join(sorted({*PLANTS, *UNSTEERED}))
+        raise ConfigError(f"demo {name}: no plant of that name; choose one of {known}")
+
+
+def _goal_m(assembly: Assembly) -> float | None:
+    """Where the configured control steers the position; None where it does not."""
+    control = assembly.config.control
+    return None if control is None else control.reference.get("position_m")
 
 
 class Stage:
@@ -164,13 +183,12 @@ class Stage:
         self._plant = self._process(
             "plant", ["-m", "fusiond.demo.plant", self._name, *options, *files, *lies]
         )
-        control = self._assembly.config.control
-        assert control is not None
         self._scene = Scene(
             Setting(
-                name=self._name, duration_s=self._duration_s, goal_m=control.reference["position_m"],
+                name=self._name, duration_s=self._duration_s, goal_m=_goal_m(self._assembly),
                 units={slot.name: slot.unit for slot in self._assembly.layout.states}, endpoint=endpoint,
                 pids={"daemon": self._daemon.pid, "plant": self._plant.pid}, faults=self._faults,
+                watched=UNSTEERED.get(self._name, Unsteered(("position",), own_noise=True)).watched,
             )
         )  # fmt: skip
 
@@ -216,7 +234,8 @@ class Stage:
         self._estimates.close()
         if self._daemon.end():
             raise self._daemon.failed("did not end as it should")
-        truth = read_truth(self._truth, ())
+        angles = self._assembly.resolved.process.angles
+        truth = read_truth(self._truth, angles)
         log = open_log(self._recording, layout)
         events = [0]
         summary = replay(
@@ -224,9 +243,10 @@ class Stage:
             progress=events.append,
         )  # fmt: skip
         dofs = {sensor.name: len(sensor.channels) for sensor in layout.sensors}
+        unsteered, goal_m = UNSTEERED.get(self._name), self._scene.setting.goal_m
         healthy = (
-            goal_check(truth, self._scene.setting.goal_m, self._seed),
-            consistency_check(summary, dofs),
+            end_check(summary, truth) if goal_m is None else goal_check(truth, goal_m, self._seed),
+            consistency_check(summary, dofs, own_noise=unsteered is None or unsteered.own_noise),
         )
         checks = (
             *(without_promise(check) if self._faults else check for check in healthy),

@@ -3,6 +3,7 @@
     python -m fusiond.demo.plant minicar --seed 0 --for 30 --connect tcp/127.0.0.1:7447 --truth truth.csv
 
 One reading a put: the accelerometer at 1 kHz, the ultrasonic sensor every 30 ms. Each command is answered on `applied`.
+A system that nobody steers (`unsteered`) sends what was simulated before, at its own stamps.
 With --inject its sensors lie: what is sent, and so what the loop feels, is what the faults make of the readings.
 Truth goes to stdout, a JSON line every 30 ms, and whole into a file at the end: never over Zenoh, where the daemon is.
 """
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from fusiond.demo.plants import TRUTH, lying_rig, truth_of
+from fusiond.demo.unsteered import UNSTEERED, Playing, run_of
 from fusiond.errors import FusiondError
 from fusiond.service.client import ControlSubscriber, SensorPublisher
 from fusiond.simulation.logs import write_truth
@@ -149,12 +151,42 @@ def live(
     _tell(plant.summary())
 
 
+def play(
+    name: str,
+    seed: int,
+    duration_s: float,
+    connect: str,
+    namespace: str,
+    truth_file: Path,
+    inject: Sequence[str],
+) -> None:
+    """The same for a system that nobody steers. Raises: ConfigError, ConnectionFailed."""
+    run = run_of(name, seed, duration_s, inject)
+    session, publishers = None, {}
+    for sensor in sorted({reading.sensor for reading in run.readings}):
+        publishers[sensor] = SensorPublisher(
+            name, sensor, connect, namespace=namespace, encoding="record", session=session
+        )
+        session = publishers[sensor].session
+    for publisher in publishers.values():
+        publisher.wait_until_heard()
+    playing = Playing(run, nanoseconds(duration_s), {s: p.publish for s, p in publishers.items()}, _tell)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: _stop(playing))
+    playing.play()
+    for publisher in reversed(publishers.values()):
+        # the first one opened the session
+        publisher.close()
+    write_truth(truth_file, run.truth)
+    _tell(playing.summary())
+
+
 def _newest(control: ControlSubscriber) -> Mapping[str, Any] | None:
     message = control.latest()
     return None if message is None else message.content
 
 
-def _stop(plant: LivePlant) -> None:
+def _stop(plant: LivePlant | Playing) -> None:
     plant.stopping = True
 
 
@@ -177,7 +209,8 @@ def main() -> int:
     given = command.parse_args()
     try:
         namespace = given.namespace or f"fusiond/{given.name}"
-        live(given.name, given.seed, given.duration_s, given.connect, namespace, given.truth, given.inject)
+        go = play if given.name in UNSTEERED else live
+        go(given.name, given.seed, given.duration_s, given.connect, namespace, given.truth, given.inject)
     except BrokenPipeError:
         # Whoever watched has gone, and with it the reason to go on; Python would complain once more at its exit.
         sys.stdout = None

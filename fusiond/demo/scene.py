@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,16 +19,19 @@ class Setting:
     """What does not change during a demonstration.
 
     Args:
-        units: of every state, by name.      goal: of the position, m.      faults: that are injected, in its own time.
+        units: of every state, by name.      goal: of the position, m; None where nobody steers.
+        faults: that are injected, in its own time.
+        watched: the state drawn over time, or two drawn over each other.
     """
 
     name: str
     duration_s: float
-    goal_m: float
+    goal_m: float | None
     units: Mapping[str, str]
     endpoint: str
     pids: Mapping[str, int]
     faults: tuple[Fault, ...] = ()
+    watched: tuple[str, ...] = ("position",)
 
 
 @dataclass(slots=True)
@@ -36,7 +40,8 @@ class Scene:
 
     Args:
         estimate, control, status: newest messages of the daemon.      truth: at the estimate's time.
-        path: (t_s, true position, estimated position) so far.
+        path: (t_s, truth, estimate) of the first watched state so far.      plan: (truth, truth, estimate, estimate) of
+            both, where there are two.
     """
 
     setting: Setting
@@ -46,6 +51,7 @@ class Scene:
     truth: Mapping[str, float] | None = None
     end: Mapping[str, Any] | None = None
     path: list[tuple[float, float, float]] = field(default_factory=list)
+    plan: list[tuple[float, float, float, float]] = field(default_factory=list)
     plant_t_ns: int = 0
     _truths: dict[int, Mapping[str, float]] = field(default_factory=dict)
     _estimates: dict[int, Mapping[str, Any]] = field(default_factory=dict)
@@ -99,7 +105,10 @@ class Scene:
         if self.estimate is None or self.truth is None or name not in self.truth:
             return None
         value = self.estimate["state"].get(name)
-        return None if value is None else float(value) - self.truth[name]
+        if value is None:
+            return None
+        apart = float(value) - self.truth[name]
+        return math.remainder(apart, 2.0 * math.pi) if self.setting.units.get(name) == "rad" else apart
 
     def _compare(self, t_ns: int) -> None:
         for kept in (self._truths, self._estimates):
@@ -109,5 +118,10 @@ class Scene:
             return
         estimate, truth = self._estimates.pop(t_ns), self._truths.pop(t_ns)
         self.estimate, self.truth = estimate, truth
-        if "position" in estimate["state"]:
-            self.path.append((float(estimate["t"]), truth["position"], float(estimate["state"]["position"])))
+        watched, state = self.setting.watched, estimate["state"]
+        if not all(name in state and name in truth for name in watched):
+            return
+        self.path.append((float(estimate["t"]), truth[watched[0]], float(state[watched[0]])))
+        if len(watched) == 2:
+            x, y = watched
+            self.plan.append((truth[x], truth[y], float(state[x]), float(state[y])))

@@ -78,7 +78,30 @@ def goal_check(truth: Truth, goal_m: float, seed: int) -> Check:
     return Check("goal", rms_m <= limit_m, text)
 
 
-def consistency_check(summary: Summary, dofs: Mapping[str, int]) -> Check:
+def end_check(summary: Summary, truth: Truth) -> Check:
+    """Where the estimate ends, against where the truth does: every state that truth has within its own limits."""
+    from scipy.special import ndtri
+
+    state, std = summary.final.get("state", {}), summary.final.get("std", {})
+    names = [name for name in truth.names if name in std]
+    if not names:
+        return Check("end", False, "no state that could be compared with truth")
+    # one of them may be the unlucky one
+    limit = float(-ndtri(0.5 * (1.0 - CONFIDENCE) / len(names)))
+    texts, holds = [], True
+    for name in names:
+        column = truth.names.index(name)
+        error = float(state[name] - truth.values[-1, column])
+        if truth.angles[column]:
+            error = math.remainder(error, 2.0 * math.pi)
+        holds &= abs(error) <= limit * std[name]
+        texts.append(f"{name} {error:+.4g} ({std[name]:.2g})")
+    return Check(
+        "end", holds, f"errors, each with its reported std (limit {limit:.1f} of them): {', '.join(texts)}"
+    )
+
+
+def consistency_check(summary: Summary, dofs: Mapping[str, int], *, own_noise: bool = True) -> Check:
     """Errors as large as the estimate says.
 
     Innovations are white, so the mean NIS of N readings has N dof / dof of freedom. The errors of one run hang
@@ -86,6 +109,7 @@ def consistency_check(summary: Summary, dofs: Mapping[str, int]) -> Check:
 
     Args:
         dofs: numbers that a reading of each sensor measures, by name.
+        own_noise: the plant is the filter's own model; otherwise a NIS may be smaller.
     """
     from scipy.special import chdtri  # quantiles alone: scipy.stats takes a second to load
 
@@ -95,6 +119,7 @@ def consistency_check(summary: Summary, dofs: Mapping[str, int]) -> Check:
             continue
         dof = sensor.used * dofs[name]
         low, high = (float(chdtri(dof, p)) / sensor.used for p in (1.0 - tail, tail))
+        low = low if own_noise else 0.0
         holds &= low <= sensor.nis_mean <= high
         texts.append(f"NIS of {name} {sensor.nis_mean:.3f} (limits {low:.3f} to {high:.3f})")
     if summary.nees_mean is None or not texts:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich import box
@@ -21,6 +21,8 @@ WIDTH, HEIGHT = 100, 24
 LEAST_WIDTH, LEAST_HEIGHT = 80, 22
 """Of a terminal on which the panel can be drawn at all: without the column of the truth, and with a lower chart."""
 LABEL = 23
+LEAST_CHART = 5
+"""Lines of the chart, where there are more states than room."""
 COLOURS = {
     "nominal": "green", "healthy": "green", "degraded": "yellow", "suspect": "yellow", "probation": "yellow",
     "dead_reckoning": "red", "invalid": "red", "silent": "red", "faulty": "red", "excluded": "red",
@@ -32,13 +34,15 @@ def panel(scene: Scene, columns: int = WIDTH, lines: int = HEIGHT) -> Renderable
     setting = scene.setting
     wide = columns >= WIDTH
     width = WIDTH if wide else LEAST_WIDTH
-    # 17 lines are not the chart's, and two more where faults are injected.
-    path = _path(scene, width - 19, min(HEIGHT, lines - 1) - 17 - 2 * bool(setting.faults))
+    room = min(HEIGHT + max(0, len(setting.units) - 3), lines - 1) - 2 * bool(setting.faults)
+    # 14 lines are neither the chart's nor the states'
+    shown = _shown(scene, room - 14 - LEAST_CHART)
+    path = (_plan if scene.plan else _path)(scene, width - 19, room - 14 - len(shown))
     parts: list[RenderableType] = [
         _head(scene),
         *([_injected(scene), _found(scene)] if setting.faults else []),
         Text(),
-        _states(scene, wide),
+        _states(scene, wide, shown),
         Text(),
         _sensors(scene, wide),
         Text(),
@@ -61,10 +65,12 @@ def line(scene: Scene) -> str:
         parts += [
             f"{name} {value:.5f} +-{3 * std[name]:.5f} {scene.setting.units.get(name, '')}"
             for name, value in scene.estimate["state"].items()
+            if name in std
         ]
-    error_m = scene.error("position")
-    if error_m is not None:
-        parts.append(f"error {1e3 * error_m:+.2f} mm")
+    for name in scene.setting.watched:
+        error = scene.error(name)
+        if error is not None and scene.setting.units.get(name) == "m":
+            parts.append(f"error {1e3 * error:+.2f} mm")
     if scene.control is not None:
         parts += [f"{name} {value:+.4f} N" for name, value in scene.control["u"].items()]
     for name, sensor in _readings(scene):
@@ -128,13 +134,24 @@ def _table(first: str, columns: list[str], last: str, wide: bool) -> Table:
     return table
 
 
-def _states(scene: Scene, wide: bool) -> RenderableType:
+def _shown(scene: Scene, most: int) -> list[str]:
+    """The states that there is room for: what is watched, then what truth knows, then the rest."""
+    known = {} if scene.truth is None else scene.truth
+    order = sorted(
+        scene.setting.units, key=lambda name: (name not in scene.setting.watched, name not in known)
+    )
+    chosen = order[: max(3, most)]
+    return [name for name in scene.setting.units if name in chosen]
+
+
+def _states(scene: Scene, wide: bool, shown: Sequence[str]) -> RenderableType:
     columns = ["estimate", "3 sigma", "truth", "error"]
     table = _table(
         "state", columns if wide else [c for c in columns if c != "truth"], "error in 3 sigma", wide
     )
     estimate: Mapping[str, Any] = scene.estimate or {"state": {}, "std": {}}
-    for name, unit in scene.setting.units.items():
+    for name in shown:
+        unit = scene.setting.units[name]
         value, std, error = estimate["state"].get(name), estimate["std"].get(name), scene.error(name)
         label = Text.assemble(name.replace("_", " "), (f" {unit.replace('_', '/')}", "dim"))
         numbers, bar = dict.fromkeys(columns, Text("-")), Text()
@@ -161,28 +178,58 @@ def _sensors(scene: Scene, wide: bool) -> RenderableType:
 
 
 def _path(scene: Scene, width: int, height: int) -> RenderableType:
-    """Position over time towards the goal, in so many cells."""
-    goal_m = scene.setting.goal_m
-    values = [goal_m, *(p for _, truth, estimate in scene.path for p in (truth, estimate))]
-    low, high = min(values), max(values)
+    """The watched state over time, towards the goal where there is one, in so many cells."""
+    goal_m, name = scene.setting.goal_m, scene.setting.watched[0]
+    unit = scene.setting.units.get(name, "").replace("_", "/")
+    values = [p for _, truth, estimate in scene.path for p in (truth, estimate)]
+    values += [goal_m] if goal_m is not None else []
+    low, high = min(values, default=0.0), max(values, default=0.0)
     margin = 0.08 * max(high - low, 0.05)
     y_range = (low - margin, high + margin)
     points = [(t_s, estimate) for t_s, _, estimate in scene.path]
-    goal_row = chart.rule(goal_m, y_range, height)
+    goal_row = -1 if goal_m is None else chart.rule(goal_m, y_range, height)
     grid = Table.grid(padding=(0, 1))
     for row, dots in enumerate(chart.curve(points, scene.setting.duration_s, y_range, width, height)):
         label = Text()
         if row == goal_row:
             label = Text(f"goal {goal_m:g} m".rjust(12), "yellow")
         elif row in (0, height - 1):
-            label = Text(f"{y_range[row == 0]:.2f} m".rjust(12), "dim")
+            label = Text(f"{y_range[row == 0]:.2f} {unit}".rjust(12), "dim")
         drawn = Text()
         for cell in dots:
             drawn.append(
                 *((cell, "cyan") if cell != " " else ("┄" if row == goal_row else " ", "yellow dim"))
             )
         grid.add_row(label, drawn)
-    return Group(Text("position over time", "dim"), grid)
+    return Group(Text(f"{name} over time", "dim"), grid)
+
+
+def _plan(scene: Scene, width: int, height: int) -> RenderableType:
+    """Both watched states over each other, in so many cells: what is estimated before what is true."""
+    x_range, y_range = (_range([v for row in scene.plan for v in row[k::2]]) for k in (0, 1))
+    # a cell is about twice as high as it is wide, so that a square may be one
+    columns = min(width, max(8, round(2.0 * height * (x_range[1] - x_range[0]) / (y_range[1] - y_range[0]))))
+    span = x_range[1] - x_range[0]
+    layers = [
+        chart.curve([(row[k] - x_range[0], row[k + 1]) for row in scene.plan], span, y_range, columns, height)
+        for k in (2, 0)
+    ]
+    grid = Table.grid(padding=(0, 1))
+    for number, (estimated, true) in enumerate(zip(*layers, strict=True)):
+        label = Text(f"{y_range[number == 0]:.2f} m".rjust(12) if number in (0, height - 1) else "", "dim")
+        drawn = Text()
+        for one, other in zip(estimated, true, strict=True):
+            drawn.append(*((one, "cyan") if one != " " else (other, "dim")))
+        grid.add_row(label, drawn)
+    names = " over ".join(reversed(scene.setting.watched))
+    return Group(Text(f"{names}: estimate, and truth where it is elsewhere (dim)", "dim"), grid)
+
+
+def _range(values: Sequence[float]) -> tuple[float, float]:
+    """From the least to the greatest, with a margin."""
+    low, high = min(values), max(values)
+    margin = 0.08 * max(high - low, 0.05)
+    return low - margin, high + margin
 
 
 def _readings(scene: Scene) -> list[tuple[str, Mapping[str, Any]]]:

@@ -202,7 +202,7 @@ def test_the_engine_is_the_indirect_filter_with_injection_and_reset(name):
     assert np.abs(engine.covariance() - P).max() <= 1e-6 * scale.max()
 
 
-def test_without_reset_the_robot_is_lost_at_the_first_corner():
+def test_without_reset_the_robot_is_lost():
     """Carrying the error without injecting it linearises the turned robot at its old heading: metres off."""
     assembly, run = configured("square_robot"), simulate("square_robot", 3)
     carried, _ = recursion(Dense(assembly), run.readings[1:], reset=False)

@@ -94,6 +94,20 @@ def test_the_loop_closes_and_the_outcome_is_one_json_object(name):
     assert all(ended(pid, 0.0) for pid in outcome["pids"].values())
 
 
+def test_a_system_nobody_steers_is_shown_too():
+    """The square robot for two seconds at rest: every reading used, an honest end, repeatable to the bit."""
+    done = subprocess.run(
+        command("square_robot", "--for", "2", "--json"), capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    outcome = json.loads(done.stdout)
+    assert {c["name"]: c["ok"] for c in outcome["verdict"]["checks"]} == {
+        "end": True, "consistent": True, "no loss": True, "repeatable": True,
+    }  # fmt: skip
+    assert outcome["sensors"]["encoders"]["used"] == outcome["sensors"]["accelerometer"]["used"] == 201
+    assert all(ended(pid, 0.0) for pid in outcome["pids"].values())
+
+
 def test_without_a_terminal_it_prints_plain_lines():
     """No escape sequence in a file; a line a second; the verdict at the end."""
     done = subprocess.run(
@@ -139,4 +153,7 @@ def test_a_process_that_dies_ends_the_demonstration_with_its_name(started, part)
 def test_a_name_nobody_knows_is_the_operators_mistake():
     done = subprocess.run(command("mincar"), capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 2
-    assert done.stderr.strip() == "demo mincar: no plant of that name; choose one of birotor, minicar"
+    assert done.stderr.strip() == (
+        "demo mincar: no plant of that name; "
+        "choose one of birotor, minicar, reference_plant, square_robot, square_robot_gyro, wall_robot"
+    )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
+import math
 import sys
 
 import numpy as np
@@ -16,10 +18,12 @@ from fusiond.demo.plant import LivePlant
 from fusiond.demo.plants import config_of
 from fusiond.demo.processes import Process, ProcessFailed
 from fusiond.demo.scene import Scene, Setting
+from fusiond.demo.unsteered import UNSTEERED, Playing, run_of
 from fusiond.demo.verdict import (
     Check,
     Verdict,
     consistency_check,
+    end_check,
     goal_check,
     loss_check,
     without_trailing_ticks,
@@ -115,6 +119,34 @@ def test_before_the_first_command_somebody_holds_the_birotor():
     plant, _, _ = live(birotor(0))
     plant.run(50)
     assert plant.rig.state.position_m == pytest.approx(2.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", UNSTEERED)
+def test_a_run_is_sent_at_its_stamps_and_its_truth_told(name):
+    """Every reading in order, never before its time; every row of truth, never before it is true."""
+    clock, heard, told = Clock(), [], []
+    run = run_of(name, 0, 2.0, [])
+    sensors = {reading.sensor for reading in run.readings}
+    publish = {s: lambda z, t, s=s: heard.append((clock.t_ns, t, s, z)) for s in sensors}
+    tell = lambda line: told.append((clock.t_ns, line))  # noqa: E731 (beside the one above)
+    playing = Playing(run, 2000 * MS, publish, tell, clock.now_ns, clock.sleep)
+    playing.play()
+    assert [(t, s, z) for _, t, s, z in heard] == [(r.t_ns, r.sensor, r.z) for r in run.readings]
+    assert all(now == 7 * MS + t for now, t, _, _ in heard)
+    assert [line["t_ns"] for _, line in told] == run.truth.t_ns.tolist()
+    assert all(now >= 7 * MS + line["t_ns"] for now, line in told)
+    assert clock.t_ns == 2007 * MS
+    end = playing.summary()
+    assert (end["t_ns"], sum(end["sent"].values())) == (2000 * MS, len(run.readings))
+
+
+def test_the_sensors_of_a_run_can_lie():
+    honest, lying = run_of("square_robot", 0, 2.0, []), run_of("square_robot", 0, 2.0, ["encoders.bias=1@1"])
+    apart = lying.of("encoders")[1] - honest.of("encoders")[1]
+    assert apart[99].tolist() == [0.0, 0.0]
+    assert apart[101] == pytest.approx([1.0, 1.0])
+    with pytest.raises(ConfigError, match="lidar"):
+        run_of("square_robot", 0, 2.0, ["lidar.bias=1@1"])
 
 
 # the verdict
@@ -366,3 +398,58 @@ def test_neighbouring_points_of_a_curve_are_joined():
 )
 def test_a_deviation_stands_where_it_belongs(value, drawn):
     assert chart.deviation(value, 1.0, half=2) == drawn
+
+
+# a system nobody steers
+
+
+def summary_at(x: float, yaw: float) -> Summary:
+    final = {"state": {"x": x, "yaw": yaw, "felt": 0.0}, "std": {"x": 0.1, "yaw": 0.01}}
+    return dataclasses.replace(summary_of(), final=final)
+
+
+@pytest.mark.parametrize(
+    ("x", "yaw", "holds"),
+    [
+        (1.0, 3.14, True),
+        (1.3, -3.14, True),
+        (1.5, 3.14, False),
+        (1.0, 3.0, False),
+        (float("nan"), 3.14, False),
+    ],
+)
+def test_the_end_is_held_against_its_own_standard_deviation(x, yaw, holds):
+    """Every state within 3.5 of its own standard deviations, angles the short way round."""
+    truth = Truth(
+        np.array([0, MS], dtype=np.int64), ("x", "yaw"), np.array([[0.0, 0.0], [1.0, 3.14]]), np.array([False, True])
+    )  # fmt: skip
+    assert end_check(summary_at(x, yaw), truth).ok is holds
+
+
+def test_a_filter_less_sure_than_it_could_be_is_held_from_above_only_where_that_is_said():
+    quiet = summary_of(nis_mean=0.5)
+    assert consistency_check(quiet, {"ultrasonic": 1}).ok is False
+    assert consistency_check(quiet, {"ultrasonic": 1}, own_noise=False).ok is True
+    assert consistency_check(summary_of(nis_mean=1.5), {"ultrasonic": 1}, own_noise=False).ok is False
+
+
+@pytest.mark.parametrize(("columns", "lines"), [(80, 22), (100, 24), (120, 45)])
+def test_the_plan_of_two_states_is_drawn_and_fits(columns, lines):
+    """Ten states and a square: no line too many or too long, the states that are watched among those shown."""
+    units = {"x": "m", "y": "m", "yaw": "rad"} | {f"other_{k}": "" for k in range(7)}
+    scene = Scene(
+        Setting("square_robot", 22.0, None, units, "tcp/127.0.0.1:7447", {"daemon": 1, "plant": 2}, watched=("x", "y"))
+    )  # fmt: skip
+    for k in range(100):
+        x, y = 3.0 * min(k, 50) / 50.0, 3.0 * max(k - 50, 0) / 50.0
+        scene.told({"t_ns": k * MS, "x": x, "y": y, "yaw": math.pi})
+        state = {"x": x, "y": y + 0.1, "yaw": -math.pi} | {f"other_{k}": 0.0 for k in range(7)}
+        std = dict.fromkeys(units, 0.1)
+        scene.estimated({"t": k * 1e-3, "t_ns": k * MS, "state": state, "std": std, "health": "nominal"})
+    console = Console(file=io.StringIO(), width=columns, height=lines)
+    console.print(panel(scene, columns, lines))
+    drawn = console.file.getvalue().splitlines()
+    assert len(drawn) <= lines
+    assert any("y over x" in row for row in drawn)
+    assert scene.error("yaw") == pytest.approx(0.0, abs=1e-12)
+    assert any(row.startswith("│ y m") for row in drawn)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fusiond.simulation.registry import simulate
-from tools.pages import seed_000, seed_001, seed_004
+from tools.pages import seed_000, seed_001, seed_003_pictures, seed_004
 from tools.pages.figures import figure
 from tools.pages.seed_000 import EXAMPLES, Example
 from tools.pages.seed_000_rows import steered
@@ -126,6 +126,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "seed_000_birotor": lambda path: scenarios(EXAMPLES[1], path),
     "seed_000_offset": offset,
     "seed_001_wall_robot": wall_robot,
+    "seed_003_square": seed_003_pictures.square,
     "seed_004_reference_plant": settling,
 }
 """Every picture by its file's name."""

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tools.pages import seed_000_rows, seed_001, seed_004
+from tools.pages import seed_000_rows, seed_001, seed_003, seed_004
 from tools.pages.seed_row import Row
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -23,6 +23,7 @@ SECTIONS: dict[str, Callable[[], list[Row]]] = {
     "000": seed_000_rows.rows,
     "offset": seed_000_rows.offset_rows,
     "001": seed_001.rows,
+    "003": seed_003.rows,
     "004": seed_004.rows,
 }
 """Rows by the place they take on the page."""
