@@ -67,7 +67,7 @@ def _options(
 
 @app.command()
 def demo(
-    name: Annotated[str, typer.Argument(help="A simulated system, by its config: minicar, birotor, square_robot...")] = "minicar",
+    name: Annotated[str, typer.Argument(help="A simulated system: minicar, square_robot.")] = "minicar",
     for_s: Annotated[float, typer.Option("--for", help="Seconds.", min=1.0)] = 30.0,
     inject: Inject = None,
     as_json: Json = False,
