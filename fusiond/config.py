@@ -56,6 +56,8 @@ class SensorSection(Section):
     """Longest healthy silence; by default three periods of rate_hz but at least 0.1 s; without a rate no limit."""
     delay_s: NotNegative = 0.0
     """How much later its stamps are than what it measured."""
+    tolerance: dict[str, NotNegative] = {}
+    """Lasting error of a channel that is no fault, by its name with unit: what the data sheet calls accuracy."""
     group: str | None = None
     """Sensors of one group may share one fault: one scale on all ranges, one delay of all that comes by radio."""
     policy: Literal["auto", "exclude", "compensate"] = "auto"

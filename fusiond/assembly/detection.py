@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from fusiond.assembly.course import course_of, rate_hz
-from fusiond.assembly.resolve import Resolved
+from fusiond.assembly.resolve import Resolved, by_key
 from fusiond.engine.layout import Layout
 from fusiond.faults.course import Course, Curve, Signatures, Suspect, signatures
 from fusiond.faults.sizes import Ladder, ladder
@@ -43,7 +43,8 @@ class Detection:
     Args:
         promise: what they were derived from.   tests: number of tests the promise is shared among, the merged once.
         cell_sensor, cell_channel, cell_is_input: (c,) what a cell suspects; channel of the reading, or process input.
-        cell_theta: (c,) signed size, in the channel's or the input's unit.   cell_h: (c,) limit of its llr.
+        cell_theta: (c,) signed size, in the channel's or the input's unit.   cell_tolerance: error that is no fault.
+          cell_h: (c,) limit of its llr.
         cell_age: (c,) readings of its sensor (any readings, for an input) after which its signature starts anew.
         first, last: (s,) cells of each sensor.   variance_h, white_h: (s, 2) up, down;   pooled_h: (2,).
         gate: (s,) largest nis that is used.   repeat_log: log of the readings between false alarms of frozen tests.
@@ -58,6 +59,7 @@ class Detection:
     cell_channel: Integers
     cell_is_input: NDArray[np.bool_]
     cell_theta: Vector
+    cell_tolerance: Vector
     cell_h: Vector
     cell_age: Integers
     first: Integers
@@ -88,6 +90,16 @@ def suspects_of(resolved: Resolved) -> tuple[Suspect, ...]:
         elif sensor.role is Role.INPUT:
             found += [Suspect(number, driven, True) for driven in sensor.drives]
     return tuple(found)
+
+
+def tolerance_of(resolved: Resolved, suspect: Suspect) -> float:
+    """Lasting error of a suspect that the operator calls none, in its unit; raises ConfigError."""
+    sensor = resolved.sensors[suspect.sensor]
+    if sensor.section is None:
+        return 0.0
+    stated = by_key(sensor.section.tolerance, sensor.model.channels, f"sensor.{sensor.name}.tolerance")
+    place = sensor.drives.index(suspect.channel) if suspect.is_input else suspect.channel
+    return float(stated.get(sensor.model.channels[place].name, 0.0))
 
 
 def _profile(curve: Curve, ladder_: Ladder, age: float) -> Profile:
@@ -182,9 +194,10 @@ def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detect
     found = signatures(course, suspects)
     updating = len(resolved.updating)
     guess = 8.0 * len(suspects) + 4.0 * updating + 3.0
+    tolerated = [tolerance_of(resolved, suspect) for suspect in suspects]
     ladders = [
-        ladder(curves[0], readings_between(promise, guess, curves[0].readings_per_s))
-        for curves in found.curves
+        ladder(curves[0], readings_between(promise, guess, curves[0].readings_per_s), blind)
+        for curves, blind in zip(found.curves, tolerated, strict=True)
     ]
     tests = count_tests(found, ladders, updating)
     rates = np.array([rate_hz(resolved, resolved.sensors[suspect.sensor]) for suspect in suspects])
@@ -209,6 +222,7 @@ def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detect
         cell_channel=np.array([suspects[i].channel for i in who], dtype=np.int64),
         cell_is_input=np.array([suspects[i].is_input for i in who], dtype=bool),
         cell_theta=np.array(columns["theta"]),
+        cell_tolerance=np.array([tolerated[i] for i in who], dtype=np.float64),
         cell_h=np.array(columns["h"]),
         cell_age=np.array(columns["age"], dtype=np.int64),
         first=np.searchsorted(sensor, np.arange(s), "left"),

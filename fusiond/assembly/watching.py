@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.assembly.course import rate_hz
-from fusiond.assembly.detection import Detection, detection_of
+from fusiond.assembly.detection import Detection, detection_of, suspects_of, tolerance_of
 from fusiond.assembly.observability import observability
 from fusiond.assembly.resolve import Resolved, by_key
 from fusiond.config import FaultsSection, InputSection
@@ -64,13 +64,19 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
     tests = record["tests"]
     cells = detection.cells
     tests["theta"][:cells], tests["limit"][:cells] = detection.cell_theta, detection.cell_h
+    tests["tolerance"][:cells] = detection.cell_tolerance
     tests["channel"][:cells], tests["age"][:cells] = detection.cell_channel, detection.cell_age
     tests["first"], tests["last"] = detection.first, detection.last
     tests["is_input"] = [sensor.role is Role.INPUT for sensor in resolved.sensors]
     tests["gate"] = detection.gate
     tests["variance_limit"], tests["white_limit"] = detection.variance_h, detection.white_h
+    if detection.promise.studentise > 0.0:
+        tests["white_limit"] = np.inf  # whoever doubts the declared noise has no model to call wrong
+        detection = replace(detection, pooled_h=np.full(2, np.inf))
     tests["pooled_limit"], tests["repeat_log"] = detection.pooled_h, detection.repeat_log
-    tests["usual_share"] = [min(1.0, 1.0 / (USUAL_S * rate_hz(resolved, sensor))) for sensor in resolved.sensors]
+    tests["usual_share"] = [
+        min(1.0, 1.0 / (USUAL_S * rate_hz(resolved, sensor))) for sensor in resolved.sensors
+    ]
     tests["dead_band"], tests["studentise"] = detection.dead_band, detection.studentise
 
 
@@ -106,6 +112,7 @@ def judge_of(
         noise_std=np.array(
             [np.pad(np.sqrt(np.diagonal(s.R)), (0, layout.shape.payload - len(s.R))) for s in sensors]
         ),
+        tolerance={suspect: tolerance_of(resolved, suspect) for suspect in suspects_of(resolved)},
         policy=tuple(getattr(sensor.section, "policy", "auto") for sensor in sensors),
         silence_ns=np.array(design[0]["silence_ns"]),
         replaceable=tuple(bool(getattr(sensor.section, "without_input_std", None)) for sensor in sensors),

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import LASTING, Reactions
+from fusiond.faults.course import Suspect
 from fusiond.faults.glr import Fit
 from fusiond.faults.hypotheses import Hypothesis
 from fusiond.faults.isolation import Finding, Outcome, isolate
@@ -60,7 +61,8 @@ class Judge:
 
     Args:
         hypotheses: all explanations tried.   enough: whether every state is still seen without these sensors.
-        noise_std: (s, m) declared deviations.   policy: of each sensor, auto, exclude or compensate.
+        noise_std: (s, m) declared deviations.   tolerance: of each suspect, a bias that is no fault.
+        policy: of each sensor, auto, exclude or compensate.
         replaceable: whether an input has something to fall back on.   silence_ns: (s,) longest healthy silence, 0: any.
     """
 
@@ -68,6 +70,7 @@ class Judge:
     hypotheses: tuple[Hypothesis, ...]
     enough: Callable[[frozenset[int]], bool]
     noise_std: NDArray[np.float64]
+    tolerance: dict[Suspect, float]
     policy: tuple[str, ...]
     replaceable: tuple[bool, ...]
     silence_ns: NDArray[np.int64]
@@ -114,8 +117,20 @@ class Judge:
             desk["review_at"] = entries + self.layout.shape.window
         else:
             reactions.close()
-            if finding.outcome in (Outcome.ONE, Outcome.GROUP):
+            if finding.outcome in (Outcome.ONE, Outcome.GROUP) and self._matters(reactions, finding):
                 self._react(reactions, finding)
+
+    def _matters(self, reactions: Reactions, finding: Finding) -> bool:
+        """Whether it is a fault: no bias within tolerance, no less noise than declared."""
+        fit = finding.choice.fit or finding.fit
+        assert fit is not None
+        if finding.choice.kind is Kind.NOISE:
+            noisy = any(reactions.reaction["noise_excess"][sensor] > 0.0 for sensor in fit.place)
+            return noisy or float(fit.size[0]) > 1.0
+        if finding.choice.kind is Kind.BIAS:
+            sizes = zip(fit.size, fit.hypothesis.parts, strict=True)
+            return any(abs(size) > self.tolerance.get(part[0], 0.0) for size, part in sizes)
+        return True
 
     def _finding(self, reactions: Reactions) -> Finding:
         """What isolation says about the window now; who is out or silent has nothing to plead."""

@@ -45,7 +45,8 @@ def monitor_dtype(
         ("phi", "<f8", (n, c)), ("llr", "<f8", (c,)), ("count", "<i8", (c,)),
         ("variance", "<f8", (s, 2)), ("pooled", "<f8", (2,)), ("white", "<f8", (s, 2)), ("last_e", "<f8", (s, m)),
         ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
-        ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("run", "<i8", (s,)), ("run_h", "<f8", (s, m)), ("shadow", "<f8", (s, 3)),
+        ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("run", "<i8", (s,)),
+        ("run_h", "<f8", (s, m)), ("shadow", "<f8", (s, 3)),
     ])  # fmt: skip
 
 
@@ -53,7 +54,8 @@ def tests_dtype(*, sensors: int, cells: int) -> np.dtype[Any]:
     """Thresholds of every test, derived at design time.
 
     Cells (`cell_*`, sorted by sensor): theta: signed fault size, in the channel's unit (or the input's);
-    channel: raw channel, or number of the input;   limit: of its llr;   age: readings after which it starts anew.
+    tolerance: error of that kind which is no fault, same unit;   channel: raw channel, or number of the input;
+    limit: of its llr;   age: readings after which it starts anew.
     first, last: (s,) the cells of each sensor are first <= cell < last.   is_input: whether the sensor drives.
     gate: (s,) largest nis that is used;   variance_limit, white_limit: (s, 2);   pooled_limit: (2,).
     repeat_log: log of the wanted readings between false alarms of the frozen test.
@@ -62,7 +64,8 @@ def tests_dtype(*, sensors: int, cells: int) -> np.dtype[Any]:
     """
     s, c = sensors, cells
     return packed([
-        ("theta", "<f8", (c,)), ("channel", "<i8", (c,)), ("limit", "<f8", (c,)), ("age", "<i8", (c,)),
+        ("theta", "<f8", (c,)), ("tolerance", "<f8", (c,)), ("channel", "<i8", (c,)),
+        ("limit", "<f8", (c,)), ("age", "<i8", (c,)),
         ("first", "<i8", (s,)), ("last", "<i8", (s,)), ("is_input", "<i8", (s,)),
         ("gate", "<f8", (s,)), ("variance_limit", "<f8", (s, 2)), ("white_limit", "<f8", (s, 2)),
         ("pooled_limit", "<f8", (2,)), ("repeat_log", "<f8"), ("dead_band", "<f8", (s,)), ("studentise", "<f8", (s,)),
@@ -77,7 +80,7 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
     a factor; delay: s);   channel: raw channel, -1 all;   onset_ns, since_ns: when it began, when it was named;
     suspects: bit k set where it cannot be told from a fault of sensor k.
     excluded: its readings from out_from_ns to until_ns (0: for good) correct nothing.   relapses: how often it has come
-    back.   from_ns, to_ns: (s, 2) the error taken off before, and the one now (0: none; 0: for good): offset, drift (per
+    back.   from_ns, to_ns: (s, 2) the error taken off before, and now (0: none; 0: for good): offset, drift (per
     second since from_ns) and gain_error (a factor less one).   noise_excess: its R is this much larger, a factor less
     one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return.
     model: 1 while the model, not a sensor, is thought wrong.

@@ -76,7 +76,8 @@ def ladder(curve: Curve, run: float, blind: float = 0.0) -> Ladder:
     """Sizes and ages for one suspect.
 
     Args:
-        run: wanted readings between two false alarms of one cell.   blind: sizes up to this are no fault.
+        run: wanted readings between two false alarms of one cell.   blind: sizes up to this are no fault;
+            the smallest looked for is twice as large.
     """
     log_run = math.log(run)
     longest = int(min(LONGEST, max(run / 30.0, 8.0)))
@@ -87,7 +88,8 @@ def ladder(curve: Curve, run: float, blind: float = 0.0) -> Ladder:
     lowest = math.sqrt(2.0 * log_run / a[-1]) * (BELOW if finite else 1.0)
     first = a[0] if a[0] > 0.0 else a[np.argmax(a > 0.0)]
     highest = max(math.sqrt(2.0 * log_run / first), lowest)
-    lowest = min(max(lowest, blind), highest)
+    lowest, highest = max(lowest, 2.0 * blind), max(highest, 4.0 * blind)
+    lowest = min(lowest, highest)
     step = FINITE_STEP if finite else STEP
     # the last step up is taken only where it would be more than half a step
     count = min(max(1, 1 + math.floor(math.log(highest / lowest) / math.log(step) + 0.5)), MOST)

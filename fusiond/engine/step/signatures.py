@@ -19,7 +19,7 @@ from fusiond.types import Alarm
 from .sizes import CELLS, ERRORS, INPUTS, SENSORS
 
 CELL = int(Alarm.CELL)
-SINGLE = 0.5
+SINGLE = 0.9
 """No single reading carries a cell further than this share of its threshold: one bad sample is no fault."""
 
 
@@ -92,9 +92,10 @@ def weigh(track: Any, design: Any, work: Any, sensor: int, channel: int) -> None
     e, band = work.tested[channel], tests.dead_band[sensor]
     for c in range(CELLS):
         shift = tests.theta[c] * rho[c] * inverse
-        # against a mean of up to `band`, which is no fault: only what lies beyond it is evidence
-        edge = band if shift > 0.0 else -band
-        slope = shift - edge if abs(shift) > band else 0.0
+        # against a mean that is no fault (dead band, or tolerated error): only what lies beyond it is evidence
+        still = max(band, tests.tolerance[c] * abs(rho[c]) * inverse)
+        edge = still if shift > 0.0 else -still
+        slope = shift - edge if abs(shift) > still else 0.0
         work.gain[c] += slope * (e - 0.5 * (shift + edge))
     for k in range(ERRORS):
         gain = work.K[channel, k]

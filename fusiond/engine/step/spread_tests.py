@@ -20,7 +20,7 @@ POOLED_RATIO = 1.5
 """All sensors together are tested for half as much again, and for two thirds."""
 CORRELATION = 0.3
 """Correlation of successive innovations that is tested for, either sign."""
-SINGLE = 0.5
+SINGLE = 0.9
 """No single reading carries a test further than this share of its limit."""
 LEARNT_AFTER = 20
 """Readings that changed before a run of equal values can be a fault: until then the sensor's manner is unknown."""
@@ -69,6 +69,8 @@ def test_scatter(track: Any, design: Any, work: Any, sensor: int, dof: int) -> N
         monitor.variance[sensor, k] = accumulate(
             monitor.variance[sensor, k], variance_gain(ratio, square, dof), limit
         )
+        if k == 1 and track.reaction.noise_excess[sensor] <= 0.0:
+            monitor.variance[sensor, k] = 0.0  # less noise than declared is no fault, only the end of one
         if monitor.variance[sensor, k] >= limit:
             ask(monitor, VARIANCE, sensor)
             monitor.variance[sensor, k] = 0.0
