@@ -15,7 +15,7 @@ Source: Willsky & Jones 1976. Laws: tests/laws/test_glr.py.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -55,10 +55,10 @@ class Fit:
     glr: float
     score: float
     removed: float
-    ground: Ground
+    ground: Ground = field(repr=False)
     number: int
-    curve: Vector
-    information: Vector
+    curve: Vector = field(repr=False)
+    information: Vector = field(repr=False)
 
     @property
     def place(self) -> Place:
