@@ -109,6 +109,9 @@ def _states(watched: Watched, shown: Iterable[str]) -> RenderableType:
 
 def _sensors(sensors: Mapping[str, Mapping[str, Any]]) -> RenderableType:
     table = _table("sensor", "rate", "used", "rejected", "lost", "health")
+    # what is narrow keeps its width: the fault beside it is what may be cut
+    for column, width in zip(table.columns, (max(map(len, sensors), default=0), 7, 6, 8, 4), strict=False):
+        column.min_width = width
     for name, sensor in sensors.items():
         rejected = sensor["rejected"] + sensor["late"] + sum(sensor["refused"].values())
         health = Text(condition(sensor), COLOURS.get(str(sensor["health"]), "white"), overflow="ellipsis")

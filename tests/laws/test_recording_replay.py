@@ -240,7 +240,7 @@ def test_diff_finds_the_first_and_the_largest_difference(minicar, log_path, tmp_
     lines = log_path.read_text().splitlines()
     ultrasonic = [k for k, line in enumerate(lines) if ",ultrasonic," in line]
     cells = lines[ultrasonic[50]].split(",")
-    lines[ultrasonic[50]] = ",".join([*cells[:4], repr(float(cells[4]) + 0.125)])
+    lines[ultrasonic[50]] = ",".join([*cells[:4], repr(float(cells[4]) + 0.0125)])
     (tmp_path / "b.csv").write_text("\n".join(lines) + "\n")
     replayed(minicar, tmp_path / "b.csv", tmp_path / "b.mcap")
 
@@ -249,9 +249,9 @@ def test_diff_finds_the_first_and_the_largest_difference(minicar, log_path, tmp_
     assert found.first.report == ultrasonic[50] - 1
     assert found.first.sensor == "ultrasonic"
     assert found.first.field == "z[0]"
-    assert abs(found.first.a - found.first.b) == pytest.approx(0.125)
-    assert found.largest["z[0]"] == pytest.approx(0.125)
-    assert 0.0 < found.largest["x.position"] < 0.125
+    assert abs(found.first.a - found.first.b) == pytest.approx(0.0125)
+    assert found.largest["z[0]"] == pytest.approx(0.0125)
+    assert 0.0 < found.largest["x.position"] < 0.0125
     assert found.differing > 100
     assert "ultrasonic" in found.first.text()
     json.dumps(found.json_object())

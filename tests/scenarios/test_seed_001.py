@@ -51,9 +51,12 @@ def test_the_printed_program_is_what_the_engine_runs():
 
 
 def test_one_word_is_the_whole_difference():
-    """The two configurations differ in `hold` and their names only."""
+    """The two configurations differ in `hold` and their names only; faults are looked for with the right model."""
     lines = [
-        [line.split("#")[0].strip() for line in (CONFIGS / f"{name}.toml").read_text().splitlines()]
+        [
+            line.split("#")[0].strip()
+            for line in (CONFIGS / f"{name}.toml").read_text().partition("[faults]")[0].splitlines()
+        ]
         for name in ("wall_robot", "wall_robot_as_written")
     ]
     said = [[line for line in text if line] for text in lines]

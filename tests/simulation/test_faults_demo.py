@@ -105,7 +105,7 @@ def test_a_fault_of_no_sensor_is_the_operators_mistake():
 
 
 def test_the_whole_story_is_told_with_real_processes():
-    """Three seconds of plant and daemon: a fault is shown while it is on; what is sent is taken, and repeatable."""
+    """Three seconds of plant and daemon: faults are shown while they are on, found and named; the run is repeatable."""
     words = [
         "--for",
         "3",
@@ -125,6 +125,9 @@ def test_the_whole_story_is_told_with_real_processes():
     told = [one for one in done.stdout.splitlines() if " s | " in one]
     assert any("INJECTING ultrasonic.bias=0.5@0.5+2 (since 0.5 s until 2.5 s)" in one for one in told)
     assert "INJECTING" not in told[-1]
-    assert "10 rejected" in told[-1]
+    assert any("faulty (bias +0.5" in one for one in told)
+    assert "holds: found ultrasonic.bias=0.5@0.5+2: after 0.0" in done.stdout
+    assert "holds: found accelerometer.nan@1+0.01: after 0.001 s as garbage" in done.stdout
+    assert "holds: nobody else" in done.stdout
     assert "holds: no loss: every reading sent was taken: 3000 accelerometer, 101 ultrasonic" in done.stdout
     assert "holds: repeatable" in done.stdout

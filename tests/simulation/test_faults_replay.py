@@ -72,7 +72,7 @@ def test_a_broken_sensor_is_a_log_without_its_readings(run, log, tmp_path):
 def test_a_recording_of_lies_replays_to_the_same_bits_and_says_what_it_holds(run, assembly, tmp_path):
     out = tmp_path / "run.mcap"
     lying = run("ultrasonic.bias=0.5@1+1", "accelerometer.nan@2+0.01", out=out, seed=3)
-    assert lying["sensors"]["accelerometer"]["rejected"] == 10
+    assert lying["sensors"]["accelerometer"]["verdicts"]["non_finite"] == 10
     assert run(source=out)["output_sha256"] == lying["output_sha256"]
     first = McapLog(out, assembly.layout).config_text.splitlines()[0]
     assert first == (
