@@ -6,8 +6,12 @@ from dataclasses import asdict
 from typing import Any
 
 from fusiond.assembly.assembly import Assembly
+from fusiond.assembly.detection import Detection, detection_of
+from fusiond.assembly.diagnosis import diagnosis_of
 from fusiond.assembly.observability import observability, without_each
-from fusiond.types import NANOSECONDS
+from fusiond.assembly.watching import promise_of
+from fusiond.config import FaultsSection
+from fusiond.types import NANOSECONDS, Role
 
 
 def _sensor(assembly: Assembly, number: int) -> dict[str, Any]:
@@ -23,12 +27,40 @@ def _sensor(assembly: Assembly, number: int) -> dict[str, Any]:
     }
 
 
+def _thresholds(assembly: Assembly, detection: Detection) -> dict[str, Any]:
+    """Every test's threshold, and the promise they were derived from."""
+    sensors = assembly.resolved.sensors
+    updating = [k for k, sensor in enumerate(sensors) if sensor.role is Role.UPDATE]
+    names = [sensor.name for sensor in sensors]
+    cells = [
+        {
+            "sensor": names[int(detection.cell_sensor[c])],
+            "channel": int(detection.cell_channel[c]),
+            "size": float(detection.cell_theta[c]),
+            "log_likelihood": float(detection.cell_h[c]),
+            "readings": int(detection.cell_age[c]),
+        }
+        for c in range(0, detection.cells, 2)
+    ]
+    return {
+        "mean_time_between_false_alarms_s": detection.promise.interval_s,
+        "tests": detection.tests,
+        "gate_nis": {names[k]: float(detection.gate[k]) for k in updating},
+        "variance": {names[k]: float(detection.variance_h[k, 0]) for k in updating},
+        "lasting": cells,
+    }
+
+
 def summary(assembly: Assembly) -> dict[str, Any]:
     """States, sensors, observability and record sizes, ready for JSON.
 
-    `diagnosability`, `thresholds` and `margins` stay empty where nothing is derived for them.
+    Without a section [faults], `diagnosability` is what its defaults would give, and `thresholds` is empty: nothing is
+    tested. Both are empty where the step is not compiled. `margins` stays empty without a law that has any.
     """
     resolved, layout = assembly.resolved, assembly.layout
+    detection = assembly.detection or (
+        None if layout.plain else detection_of(resolved, layout, promise_of(FaultsSection()))
+    )
     whole = observability(resolved, resolved.updating)
     return {
         "name": layout.name,
@@ -41,8 +73,8 @@ def summary(assembly: Assembly) -> dict[str, Any]:
             **asdict(whole),
             "without": {name: asdict(seen) for name, seen in without_each(resolved).items()},
         },
-        "diagnosability": [],
-        "thresholds": {},
+        "diagnosability": diagnosis_of(resolved, detection) if detection else [],
+        "thresholds": _thresholds(assembly, assembly.detection) if assembly.detection else {},
         "margins": {},
         "filters": [f"{row.hears} {row.sensor}".strip() for row in layout.filters],
         "bytes": {"track": layout.track.itemsize, "report": layout.report.itemsize},
