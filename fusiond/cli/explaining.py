@@ -1,4 +1,4 @@
-"""`fusiond why SENSOR`: the decisions about a sensor's readings as a table."""
+"""`fusiond why SENSOR`: the decisions about a sensor's readings as a table; and what a replay found wrong, in lines."""
 
 from __future__ import annotations
 
@@ -37,6 +37,22 @@ def show_why(answer: Mapping[str, Any], console: Console | None = None) -> None:
             f"  {turn['t_s']:.3f} s  {turn['to']}{_fault(turn['fault'])}", markup=False, highlight=False
         )
     console.print(_table(answer["readings"]))
+
+
+def found_lines(result: Mapping[str, Any]) -> list[str]:
+    """What a replay found wrong, a line for each fault and each alarm of the model, with when it was found and over."""
+    said = [
+        f"  {name}: {fault_text(dict(fault))}{_until(fault)}"
+        for name, sensor in result["sensors"].items()
+        for fault in sensor["faults"]
+    ]
+    alarms = result["model"]["alarms"]
+    return said + [f"  model: does not describe what is measured{_until(alarm)}" for alarm in alarms]
+
+
+def _until(found: Mapping[str, Any]) -> str:
+    over = "to the end" if found["cleared_s"] is None else f"over at {found['cleared_s']:.3f} s"
+    return f", found at {found['detected_s']:.3f} s, {over}"
 
 
 def wide_console() -> Console:

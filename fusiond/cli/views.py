@@ -11,6 +11,8 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from fusiond.cli.explaining import found_lines
+
 console = Console()
 
 
@@ -106,6 +108,8 @@ def show_replay(result: Mapping[str, Any]) -> None:
         counts = (str(sensor[key]) for key in ("used", "rejected", "late"))
         table.add_row(name, *counts, _number(sensor["nis_mean"]), sensor["health"])
     console.print(table)
+    for found in found_lines(result):
+        console.print(found, markup=False, highlight=False)
     console.print(f"refused: {_counts(result.get('refused', {}))}")
     console.print(f"output_sha256 {result['output_sha256']}")
     for warning in result.get("warnings", []):

@@ -7,7 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from fusiond.cli.explaining import show_why
+from fusiond.cli.explaining import found_lines, show_why
 from fusiond.cli.watch_view import condition, event_text, panel, plain_line
 from fusiond.cli.watching import Watched
 
@@ -128,3 +128,16 @@ def test_a_line_says_the_same_and_that_nobody_answers():
 
 def test_a_silence_is_not_said_twice():
     assert condition({"health": "silent", "fault": SILENT}) == "silent since 5.010 s"
+
+
+def test_a_replay_says_what_was_found_and_when_it_was_over():
+    faults = [
+        FAULT | {"detected_s": 5.04, "cleared_s": 9.03},
+        SILENT | {"detected_s": 5.2, "cleared_s": None},
+    ]
+    alarms = [{"detected_s": 7.0, "cleared_s": 8.0}]
+    assert found_lines({"sensors": {"ultrasonic": {"faults": faults}}, "model": {"alarms": alarms}}) == [
+        "  ultrasonic: bias +0.4889 +-0.0073 m since 5.010 s, found at 5.040 s, over at 9.030 s",
+        "  ultrasonic: silent since 5.010 s, found at 5.200 s, to the end",
+        "  model: does not describe what is measured, found at 7.000 s, over at 8.000 s",
+    ]
