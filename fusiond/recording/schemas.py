@@ -27,10 +27,13 @@ PROPERTIES: dict[str, dict[str, object]] = {
         "t": TIME, "seq": SEQ, "epoch": {}, "u": NAMED, "valid": {"type": "boolean"},
         "age_s": {"type": "number"}, "level": {},
     },
-    "fusiond.Health": {"t": TIME, "seq": SEQ, "service": {"type": "string"}, "sensors": {"type": "object"}},
+    "fusiond.Health": {
+        "t": TIME, "seq": SEQ, "service": {"type": "string"}, "sensors": {"type": "object"},
+        "faults": {"type": "object"}, "model": {"type": "boolean"},
+    },
     "fusiond.Event": {
         "t": TIME, "t_ns": {"type": "integer"}, "epoch": {}, "id": {}, "sensor": {},
-        "from": {"type": "string"}, "to": {"type": "string"}, "fault": {}, "reset": {},
+        "from": {"type": "string"}, "to": {"type": "string"}, "fault": {}, "model": {}, "reset": {},
     },
 }  # fmt: skip
 """The properties of each message; those without a type may be of several."""

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from fusiond.service.admin import Refusal
+from fusiond.service.ask import Refused
+from fusiond.service.client import Player, TopicSubscriber, ask
 from fusiond.service.health_watch import HealthWatch
 from fusiond.service.report_ring import BEFORE, DEPTH, TURNS, ReportRing
 from fusiond.service.why import why
@@ -125,3 +127,38 @@ def test_a_change_of_the_fault_alone_is_a_transition_too(told, reports):
         ("ultrasonic", "excluded", "excluded", 0.7, False),
         (None, "nominal", "nominal", None, False),
     ]
+
+
+def test_a_daemon_tells_of_a_fault_and_why(start, assembly):
+    """A range finder that turns to NaN: an event with the fault, health with it, and why with the readings refused."""
+    layout = assembly.layout
+    daemon = start(extra="[faults]\nmean_time_between_false_alarms_s = 36000.0\n")
+    readings = np.zeros(240, layout.reading)
+    for k, reading in enumerate(readings):
+        is_range = k % 3 == 2
+        reading["sensor"] = layout.numbers["ultrasonic" if is_range else "accelerometer"]
+        reading["t_ns"] = 10**9 + (k // 3) * 20 * MS + (k % 3) * 10 * MS - is_range * 5 * MS
+        reading["z"][0] = (
+            (np.nan if k >= 180 else 1.0 + 0.01 * np.sin(k * k)) if is_range else 0.01 * np.sin(k * k)
+        )
+        reading["length"] = 1
+    with (
+        TopicSubscriber("bench", "event", daemon.endpoint) as events,
+        TopicSubscriber("bench", "health", daemon.endpoint) as health,
+        Player("bench", layout, daemon.endpoint, speed=float("inf"), most_hz=500.0) as player,
+    ):
+        player.wait_until_heard()
+        player.play(readings)
+        status = daemon.status_when(lambda now: now["sensors"]["ultrasonic"]["fault"] is not None)
+        assert status["sensors"]["ultrasonic"]["fault"]["kind"] in ("garbage", "silent")
+        while (event := events.next(20.0))["sensor"] != "ultrasonic":
+            pass
+        assert (event["from"], event["fault"]["kind"]) == ("healthy", "garbage")
+        while not (message := health.next(20.0))["faults"]:
+            pass
+        assert message["faults"]["ultrasonic"]["kind"] in ("garbage", "silent")
+        answer = ask("bench", "why", daemon.endpoint, fields={"sensor": "ultrasonic", "at": event["t"]})
+        assert "non_finite" in {reading["verdict"] for reading in answer["readings"]}
+        assert answer["turns"][0]["fault"]["kind"] == "garbage"
+        with pytest.raises(Refused, match="no sensor of that name"):
+            ask("bench", "why", daemon.endpoint, fields={"sensor": "sonar"})
