@@ -12,7 +12,7 @@ ARGS ?=
 
 .PHONY: help
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 # --no-build-isolation: the build backend comes from the lock too, so nothing is installed that it does not name.
 $(STAMP): requirements.lock pyproject.toml
@@ -51,6 +51,10 @@ check: lint ## what CI runs: lint, then every test
 .PHONY: bench
 bench: $(STAMP) ## the figures of docs/benchmarks.md, measured here; ends with one JSON object
 	@$(BIN)/python -m tools.bench $(ARGS)
+
+.PHONY: scoreboard
+scoreboard: $(STAMP) ## how fast and how surely faults are found, over the limit; ends with one JSON object
+	@$(BIN)/python -m tools.scoreboard $(ARGS)
 
 # Made on the oldest Python supported, where most packages are needed; the marker lets newer ones leave one out.
 .PHONY: lock

@@ -1,0 +1,70 @@
+"""`make scoreboard`: how fast faults are found, over the limit; the last line is one JSON object.
+
+    python -m tools.scoreboard [--write docs/scoreboard.md] [--quick] [--only PART]
+
+Every row runs a configuration through the engine's step, with thresholds from the configuration alone, on seeds that
+nothing was derived from. `--write` also writes the page and its pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+
+from tools.bench import table
+from tools.scoreboard.board import FULL, QUICK, Effort, Part, Result
+from tools.scoreboard.delays import reference_part, white_part
+from tools.scoreboard.drifts import drift_part
+from tools.scoreboard.false_alarms import promise_part, wrong_noise_part
+from tools.scoreboard.information import finite_part
+
+PARTS: dict[str, Part] = {
+    "promise": promise_part, "wrong-noise": wrong_noise_part, "white": white_part, "reference": reference_part,
+    "finite": finite_part, "drift": drift_part,
+}  # fmt: skip
+
+
+def measured(name: str, effort: Effort) -> Result:
+    """One part, with its time on stderr."""
+    begun = time.perf_counter()
+    result = PARTS[name](effort)
+    print(f"scoreboard: {name}, {time.perf_counter() - begun:.0f} s", file=sys.stderr, flush=True)
+    return result
+
+
+def together(names: list[str], effort: Effort, processes: int) -> Result:
+    """The parts in the order given, run side by side."""
+    whole = Result()
+    with ProcessPoolExecutor(processes) as pool:
+        for part in pool.map(measured, names, [effort] * len(names)):
+            whole.rows += part.rows
+            whole.curves |= part.curves
+    return whole
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure, print the table to stderr and the JSON object as the last line of stdout."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", choices=list(PARTS), action="append", help="measure these parts")
+    parser.add_argument("--quick", action="store_true", help="few runs: whether it works, not how well")
+    parser.add_argument("--processes", type=int, default=2, help="parts measured side by side")
+    parser.add_argument("--write", type=Path, help="write the page there")
+    chosen = parser.parse_args(arguments)
+    result = together(chosen.only or list(PARTS), QUICK if chosen.quick else FULL, chosen.processes)
+    print(table(result.rows), file=sys.stderr)
+    if chosen.write:
+        from tools.scoreboard.page import write  # matplotlib, which measuring does without
+
+        write(chosen.write, result)
+    print(json.dumps({"rows": [asdict(row) for row in result.rows]}))
+
+
+if __name__ == "__main__":
+    main()

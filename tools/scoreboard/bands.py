@@ -1,0 +1,39 @@
+"""Rates and their intervals: how sure a count of alarms, or a share of runs, makes us."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scipy.stats import beta, chi2
+
+SURE = 0.95
+"""Confidence of every interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A measured number between `low` and `high`."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.value:.3g} ({self.low:.3g} to {self.high:.3g})"
+
+
+def mean_interval(total: float, alarms: int) -> Band:
+    """Mean time between `alarms` alarms of a Poisson process watched for `total`; exact."""
+    if alarms == 0:
+        return Band(float("inf"), float(2.0 * total / chi2.ppf(SURE, 2)), float("inf"))
+    tail = 0.5 * (1.0 - SURE)
+    low = 2.0 * total / chi2.ppf(1.0 - tail, 2 * alarms + 2)
+    return Band(total / alarms, float(low), float(2.0 * total / chi2.ppf(tail, 2 * alarms)))
+
+
+def share(hits: int, of: int) -> Band:
+    """A share with its interval of Clopper and Pearson."""
+    tail = 0.5 * (1.0 - SURE)
+    low = float(beta.ppf(tail, hits, of - hits + 1)) if hits else 0.0
+    high = float(beta.ppf(1.0 - tail, hits + 1, of - hits)) if hits < of else 1.0
+    return Band(hits / of, low, high)
