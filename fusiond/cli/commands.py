@@ -88,7 +88,7 @@ def run(
     part: Part = None,
 ) -> None:
     """Run the daemon until SIGTERM; prints `ready ENDPOINT...` when it takes readings."""
-    from fusiond.service.roles import load
+    from fusiond.cli.configuring import load
     from fusiond.service.serve import serve
 
     assembly = load(config, part)
@@ -108,8 +108,8 @@ def run(
 def check(config: ConfigPath, as_json: Json = False, part: Part = None) -> None:
     """Validate a configuration and print what is derived from it."""
     from fusiond.assembly.summary import summary
+    from fusiond.cli.configuring import load
     from fusiond.cli.views import show_check
-    from fusiond.service.roles import load
 
     result = summary(load(config, part))
     if as_json:
@@ -133,9 +133,9 @@ def replay(
     part: Part = None,
 ) -> None:
     """Run a recording through the same engine, as fast as it goes, bit for bit repeatable."""
+    from fusiond.cli.configuring import load
     from fusiond.cli.replaying import replay_log
     from fusiond.cli.views import show_replay
-    from fusiond.service.roles import load
 
     result = replay_log(
         load(config, part),
@@ -165,8 +165,8 @@ def record(
     part: Part = None,
 ) -> None:
     """Listen to a configuration's sensors and record them, without a daemon."""
+    from fusiond.cli.configuring import load
     from fusiond.service.record import listen_and_record
-    from fusiond.service.roles import load
 
     raise typer.Exit(
         listen_and_record(
@@ -228,7 +228,7 @@ def status(
     as_json: Json = False,
 ) -> None:
     """Ask a running daemon how it is."""
-    from fusiond.cli.views import show_status
+    from fusiond.cli.status_view import show_status
     from fusiond.service.ask import ask
 
     answer = ask(name, "status", connect)

@@ -42,20 +42,20 @@ def working(what: str) -> Iterator[None]:
         yield
 
 
-def _table(title: str, *columns: str) -> Table:
+def table_of(title: str, *columns: str) -> Table:
     """A plain table whose first column is left, the others right aligned."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    for number, column in enumerate(columns):
-        table.add_column(column, justify="left" if number == 0 else "right")
+    for place, column in enumerate(columns):
+        table.add_column(column, justify="left" if place == 0 else "right")
     return table
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
     """Six digits, or a dash."""
     return "-" if value is None else f"{value:.6g}"
 
 
-def _counts(counts: Mapping[str, int]) -> str:
+def counted(counts: Mapping[str, int]) -> str:
     """`gated 3, late 1`."""
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count) or "none"
 
@@ -68,7 +68,7 @@ def show_check(result: Mapping[str, Any]) -> None:
         console.print(f"driven by {', '.join(result['inputs'])}")
     unseen = f"; unobserved, as accepted: {', '.join(seen['unobserved'])}" if seen["unobserved"] else ""
     console.print(f"observability: rank {seen['rank']} of {seen['states']}{unseen}")
-    table = _table("", "sensor", "role", "channels", "silent after", "without it unobserved")
+    table = table_of("", "sensor", "role", "channels", "silent after", "without it unobserved")
     for sensor in result["sensors"]:
         without = seen["without"].get(sensor["name"])
         lost = "" if without is None else ", ".join(without["unobserved"]) or "nothing"
@@ -87,8 +87,10 @@ def show_replay(result: Mapping[str, Any]) -> None:
     console.print(f"{result['readings']:,} readings in {result['wall_s']:.2f} s ({rate:,.0f} a second)")
     final = result["final"]
     if final:
-        columns = ["state", "value", "std"] + (["RMSE"] if result.get("rmse") else [])
-        table = _table(f"at {final['t_s']:.3f} s, {final['health']}", *columns)
+        smoothed = (result.get("smoothed") or {}).get("rmse") or {}
+        columns = ["state", "value", "std", *(["RMSE"] if result.get("rmse") else [])]
+        columns += ["smoothed"] if smoothed else []
+        table = table_of(f"at {final['t_s']:.3f} s, {final['health']}", *columns)
         rmse = result.get("rmse") or {}
         names = [
             *final["state"],
@@ -96,24 +98,40 @@ def show_replay(result: Mapping[str, Any]) -> None:
             *(rmse.keys() - final["state"].keys()),
         ]
         for name in dict.fromkeys(names):
-            cells = [_number(column.get(name)) for column in (final["state"], final["std"])]
-            table.add_row(name, *cells, *([_number(rmse.get(name))] if rmse else []))
+            cells = [number(column.get(name)) for column in (final["state"], final["std"])]
+            cells += [number(rmse.get(name))] if rmse else []
+            table.add_row(name, *cells, *([number(smoothed.get(name))] if smoothed else []))
         console.print(table)
     if result.get("nees_mean") is not None:
         console.print(
             f"mean NEES {result['nees_mean']:.3f} (a consistent filter: {result.get('nees_dof', '?')})"
         )
-    table = _table("", "sensor", "used", "rejected", "late", "mean NIS", "health")
+    if "smoothed" in result:
+        _show_smoothed(result["smoothed"])
+    table = table_of("", "sensor", "used", "rejected", "late", "mean NIS", "health")
     for name, sensor in result["sensors"].items():
         counts = (str(sensor[key]) for key in ("used", "rejected", "late"))
-        table.add_row(name, *counts, _number(sensor["nis_mean"]), sensor["health"])
+        table.add_row(name, *counts, number(sensor["nis_mean"]), sensor["health"])
     console.print(table)
     for found in found_lines(result):
         console.print(found, markup=False, highlight=False)
-    console.print(f"refused: {_counts(result.get('refused', {}))}")
+    console.print(f"refused: {counted(result.get('refused', {}))}")
     console.print(f"output_sha256 {result['output_sha256']}")
     for warning in result.get("warnings", []):
         console.print(f"[yellow]{warning}[/yellow]")
+
+
+def _show_smoothed(smoothed: Mapping[str, Any]) -> None:
+    """The run smoothed from its end, beside the filter."""
+    parts = f" in {smoothed['segments']} parts" if smoothed["segments"] > 1 else ""
+    table = table_of(
+        f"smoothed: {smoothed['updates']:,} updates{parts}", "std, root mean square", "filter", "smoothed"
+    )
+    for name, std in smoothed["std"].items():
+        table.add_row(name, number(smoothed["filter_std"][name]), number(std))
+    console.print(table)
+    if smoothed.get("nees_mean") is not None:
+        console.print(f"mean NEES, smoothed {smoothed['nees_mean']:.3f}")
 
 
 def show_import(imported: Any, out: Path) -> None:
@@ -140,8 +158,3 @@ def show_diff(difference: Any) -> None:
         console.print(f"first: {difference.first.text()}")
     for field, largest in difference.largest.items():
         console.print(f"  {field}: at most {largest:.6g}")
-
-
-def show_status(answer: Mapping[str, Any]) -> None:
-    """A running daemon."""
-    console.print_json(data=answer)

@@ -21,4 +21,12 @@ def open_log(path: Path, layout: Layout) -> CsvLog | McapLog:
             start = file.read(len(MAGIC))
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror}); name an existing log") from error
-    return McapLog(path, layout) if start == MAGIC else CsvLog(path, layout)
+    if start == MAGIC:
+        return McapLog(path, layout)
+    packed = start.startswith(b"\x1f\x8b")
+    if path.suffix == ".mcap" or (b"\0" in start and not packed):
+        raise LogError(
+            f"{path}: is neither an MCAP recording nor text (it begins with {start!r}); name a whole recording or a "
+            "CSV log, or turn the file into one with `fusiond import`"
+        )
+    return CsvLog(path, layout)

@@ -11,6 +11,7 @@ from typing import Any
 import zenoh
 
 from fusiond.errors import ConnectionFailed, FusiondError
+from fusiond.service.endpoints import checked_endpoint
 from fusiond.service.publisher import CONNECT_S
 from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
 
@@ -41,9 +42,11 @@ def ask(
         what: `status`, `config`, `command/reset`, ...      fields: of the question.
         timeout_s: longest wait for an answer.      session: an open session to share.
     Commands carry an idempotency key of their own, so that asking again never does them twice.
-    Raises: ConnectionFailed where nobody answers; Refused where the daemon says no.
+    Raises: ConfigError where `connect` is no endpoint; ConnectionFailed where nobody answers; Refused where the daemon
+    says no.
     """
     own = session is None
+    checked_endpoint(connect, "--connect")
     session = session or open_session(session_options("client", connect=[connect]), timeout_s=CONNECT_S)
     try:
         question = dict(fields or {})

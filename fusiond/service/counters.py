@@ -84,6 +84,10 @@ class Counters:
             self.rate_hz = [(new - old) * per_s for new, old in zip(received, self._counted, strict=True)]
         self._counted, self._rated_ns = received, now_ns
 
+    def heard(self, number: int) -> bool:
+        """Whether any reading of a sensor came, used or not."""
+        return any(self.verdicts[number])
+
     def of_sensor(self, number: int) -> dict[str, Any]:
         """Counts of one sensor for `status`: used + rejected + late are its readings."""
         row = self.verdicts[number]

@@ -11,6 +11,7 @@ import zenoh
 from fusiond.config import RESERVED
 from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
+from fusiond.service.endpoints import checked_endpoint
 from fusiond.service.roles import CENTER, outer_prefix
 from fusiond.types import Role
 
@@ -42,13 +43,13 @@ class Settings:
 
 
 def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Sequence[str]) -> Settings:
-    """Settings of a configuration; endpoints of the command line replace the file's."""
+    """Settings of a configuration; endpoints of the command line replace the file's. Raises: ConfigError."""
     service = config.service
     return Settings(
         prefix=config.prefix,
         mode=service.mode,
-        listen=tuple(listen) or tuple(service.listen),
-        connect=tuple(connect) or tuple(service.connect),
+        listen=_endpoints(listen, service.listen, "listen"),
+        connect=_endpoints(connect, service.connect, "connect"),
         multicast=service.multicast,
         publish_hz=service.publish_hz,
         packed=service.format == "record",
@@ -63,6 +64,13 @@ def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Seq
         nodes=service.nodes if service.role == CENTER else {},
         sends=_sends(config, layout) if service.role == "node" else {},
     )
+
+
+def _endpoints(given: Sequence[str], configured: Sequence[str], what: str) -> tuple[str, ...]:
+    """Endpoints to listen on or connect to, checked."""
+    if given:
+        return tuple(checked_endpoint(one, f"--{what}") for one in given)
+    return tuple(checked_endpoint(one, f"service.{what}") for one in configured)
 
 
 def _sends(config: Any, layout: Layout) -> dict[str, str]:

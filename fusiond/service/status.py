@@ -7,25 +7,38 @@ import os
 from typing import Any
 
 from fusiond import __version__
+from fusiond.engine.layout import SensorLayout
 from fusiond.recording.description import describe
 from fusiond.service.counters import Counters
 from fusiond.service.health_watch import HealthWatch
 from fusiond.service.mailbox import Mailbox
 from fusiond.service.messages import HEALTH_LABELS, SERVICE_LABELS
 from fusiond.service.wire import Decoder
+from fusiond.types import Health, Role
 
 
 def sensors_status(counters: Counters, decoder: Decoder, watch: HealthWatch) -> dict[str, Any]:
-    """Counts, health and fault of every sensor, by name. `refused`: what came for it and was no reading, by reason."""
+    """Counts, health and fault of every sensor, by name. `refused`: what came for it and was no reading, by reason.
+
+    `heard`: whether any reading of it ever came. One that the state needs and nobody heard is silent, whatever the
+    estimator, which judges by the age of readings, still thinks of it.
+    """
     return {
         sensor.name: {
-            "health": HEALTH_LABELS[watch.sensors[sensor.number]],
+            "health": _health(sensor, counters, watch),
+            "heard": counters.heard(sensor.number),
             "fault": watch.faults[sensor.number],
             **counters.of_sensor(sensor.number),
             "refused": decoder.refused_by_sensor[sensor.number],
         }
         for sensor in counters.layout.sensors
     }
+
+
+def _health(sensor: SensorLayout, counters: Counters, watch: HealthWatch) -> str:
+    needed = sensor.role in {Role.UPDATE, Role.INPUT}
+    known = HEALTH_LABELS[watch.sensors[sensor.number]]
+    return Health.SILENT.label if needed and not counters.heard(sensor.number) else known
 
 
 def status(

@@ -1,0 +1,35 @@
+"""Reading the configuration a command was given: another file of fusiond's is called by its name."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+from fusiond.assembly.assembly import Assembly
+from fusiond.errors import ConfigError
+from fusiond.service import roles
+
+
+def load(path: Path, part: str | None = None) -> Assembly:
+    """Assemble a configuration file, or one machine's part of it; raises ConfigError."""
+    try:
+        return roles.load(path, part)
+    except ConfigError as error:
+        if is_mapping(path):
+            raise ConfigError(
+                f"{path}: is a mapping file of `fusiond import`, no configuration; give the configuration that its log "
+                "is meant for"
+            ) from error
+        raise
+
+
+def is_mapping(path: Path) -> bool:
+    """Whether a file says where a recording's numbers stand: it has sensors with `values`, and no model."""
+    try:
+        said = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    sensors = said.get("sensor")
+    if "model" in said or not isinstance(sensors, dict):
+        return False
+    return any(isinstance(sensor, dict) and "values" in sensor for sensor in sensors.values())
