@@ -98,5 +98,7 @@ def separate(fit: Fit, rival: Fit, count: int) -> Separation:
     rest = _unlike(np.concatenate((mean, later)), np.concatenate((basis, basis_later)))
     tail = (len(later) + 1) // 2
     strength = _energy(later[-tail:])
-    sine2 = _energy(_unlike(later[-tail:], basis_later[-tail:])) / strength if tail and strength > 0.0 else 0.0
+    sine2 = (
+        _energy(_unlike(later[-tail:], basis_later[-tail:])) / strength if tail and strength > 0.0 else 0.0
+    )
     return Separation(now, max(_energy(rest) - now, 0.0), strength, sine2)
