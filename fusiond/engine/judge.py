@@ -179,7 +179,7 @@ class Judge:
 
     def _schedule(self, reactions: Reactions, sensor: int) -> None:
         """Set the time at which an input is looked at again."""
-        wait_ns = self._wait_ns(reactions, sensor, RETRY_S)
+        wait_ns = self._retry_ns(reactions, sensor)
         due = reactions.now_ns + wait_ns
         reactions.write("since_ns", reactions.now_ns, sensor)
         planned = int(reactions.engine.desk[0]["retry_ns"])
@@ -189,6 +189,11 @@ class Judge:
         """How long a sensor waits, doubled with every relapse."""
         relapses = min(int(reactions.reaction["relapses"][sensor]), RELAPSES)
         return int(shortest_s * 2.0**relapses * NANOSECONDS)
+
+    def _retry_ns(self, reactions: Reactions, sensor: int) -> int:
+        """How long an excluded input waits: it cannot show that an error has gone, but that it sends numbers again."""
+        unusable = reactions.reaction["kind"][sensor] in (Kind.STUCK, Kind.GARBAGE)
+        return self._wait_ns(reactions, sensor, PROBATION_S if unusable else RETRY_S)
 
     def _revise(self, reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> None:
         """A sensor used with its error taken off errs anew: it has healed, or the error is another one."""
@@ -249,7 +254,7 @@ class Judge:
             if sensor.role is not Role.INPUT or health not in (Health.EXCLUDED, Health.PROBATION):
                 continue
             waited_ns = reactions.now_ns - int(reactions.reaction["since_ns"][number])
-            if waited_ns < self._wait_ns(reactions, number, RETRY_S):
+            if waited_ns < self._retry_ns(reactions, number):
                 self._schedule(reactions, number)
             elif health == Health.PROBATION:
                 reactions.clear(number)
