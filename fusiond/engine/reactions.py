@@ -21,7 +21,7 @@ from fusiond.faults.isolation import Finding
 from fusiond.faults.response import respond
 from fusiond.numerics.kernel import interpreted
 from fusiond.numerics.ud import ud_factor
-from fusiond.types import Health, Kind, Role
+from fusiond.types import Alarm, Health, Kind, Role
 
 if TYPE_CHECKING:
     from fusiond.engine.engine import Engine
@@ -93,8 +93,11 @@ class Reactions:
             self.engine.replay_since(self._since_ns)
         for sensor, channel, std in self._widened:
             self._widen(sensor, channel, std)
-        shadow = self.engine.track[0]["monitor"]["shadow"]
-        shadow[list(self.out())] = 0.0
+        # What an excluded sensor said before it was excluded is no plea for its return.
+        monitor = self.engine.track[0]["monitor"]
+        monitor["shadow"][list(self.out())] = 0.0
+        if int(monitor["alarm"]) == Alarm.HEALED:
+            monitor["alarm"] = Alarm.NONE
 
     def close(self) -> None:
         """No case is open, nobody is suspected, the model is not blamed."""
