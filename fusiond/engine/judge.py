@@ -22,6 +22,7 @@ twice as long to return. A decision reaches all snapshots, so that a late readin
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -32,6 +33,7 @@ from numpy.typing import NDArray
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import LASTING, Reactions
 from fusiond.faults.course import Suspect
+from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
 from fusiond.faults.hypotheses import Hypothesis
 from fusiond.faults.isolation import Finding, Outcome, isolate
@@ -103,6 +105,9 @@ class Judge:
         if desk["case_at"] == 0:
             desk["case_at"] = entries
         finding = self._finding(reactions)
+        if finding.outcome is not Outcome.MODEL and not self._matters(reactions, finding):
+            reactions.close()
+            return
         age = entries - int(desk["case_at"])
         undecided = finding.outcome is Outcome.UNDECIDED
         if undecided and age <= self.layout.shape.window // 2:
@@ -117,20 +122,28 @@ class Judge:
             desk["review_at"] = entries + self.layout.shape.window
         else:
             reactions.close()
-            if finding.outcome in (Outcome.ONE, Outcome.GROUP) and self._matters(reactions, finding):
+            if finding.outcome in (Outcome.ONE, Outcome.GROUP):
                 self._react(reactions, finding)
 
     def _matters(self, reactions: Reactions, finding: Finding) -> bool:
-        """Whether it is a fault: no bias within tolerance, no less noise than declared."""
+        """Whether it is a fault: no error within tolerance, no less noise than declared."""
         fit = finding.choice.fit or finding.fit
-        assert fit is not None
-        if finding.choice.kind is Kind.NOISE:
-            noisy = any(reactions.reaction["noise_excess"][sensor] > 0.0 for sensor in fit.place)
-            return noisy or float(fit.size[0]) > 1.0
-        if finding.choice.kind is Kind.BIAS:
-            sizes = zip(fit.size, fit.hypothesis.parts, strict=True)
-            return any(abs(size) > self.tolerance.get(part[0], 0.0) for size, part in sizes)
-        return True
+        if fit is None:
+            return True
+        if fit.kind is Kind.NOISE:
+            return self._noisy(reactions, fit)
+        worst = worst_error(fit)
+        return any(error > self.tolerance.get(suspect, 0.0) for suspect, error in worst.items())
+
+    def _noisy(self, reactions: Reactions, fit: Fit) -> bool:
+        """Whether a change of noise is a fault: more than tolerated, or the end of one."""
+        if any(reactions.reaction["noise_excess"][sensor] > 0.0 for sensor in fit.place):
+            return True
+        excess = math.sqrt(max(float(fit.size[0]) ** 2 - 1.0, 0.0))
+        members = [suspect for part in fit.hypothesis.parts for suspect in part]
+        return any(
+            excess * self.noise_std[one.sensor, one.channel] > self.tolerance.get(one, 0.0) for one in members
+        )
 
     def _finding(self, reactions: Reactions) -> Finding:
         """What isolation says about the window now; who is out or silent has nothing to plead."""
@@ -139,7 +152,8 @@ class Judge:
         silent = {int(k) for k in np.flatnonzero((self.silence_ns > 0) & (age_ns > self.silence_ns))}
         out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
-        return isolate(respond(reactions.window, self.layout.shape.inputs), asked)
+        restless = frozenset(int(k) for k in np.flatnonzero(reactions.reaction["noise_excess"] > 0.0))
+        return isolate(respond(reactions.window, self.layout.shape.inputs), asked, restless=restless)
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""
@@ -237,6 +251,8 @@ class Judge:
 
     def _healed(self, reactions: Reactions, sensor: int) -> None:
         """An excluded sensor agrees with the estimate: first on probation, then, once it has waited, used again."""
+        if sensor not in reactions.out():
+            return  # a late reading has had its return looked at once more
         if reactions.reaction["health"][sensor] != Health.PROBATION:
             reactions.write("health", Health.PROBATION, sensor)
             reactions.write("since_ns", reactions.now_ns, sensor)
