@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fusiond.faults.course import Suspect
 from fusiond.faults.glr import Fit
 from fusiond.faults.ground import profile_of
 from fusiond.faults.response import Response
@@ -52,6 +53,21 @@ def errors_of(fit: Fit, response: Response) -> tuple[Matrix, Matrix]:
             else:
                 reading[own, suspect.channel, i] = 1.0
     return reading, driving
+
+
+def worst_error(fit: Fit) -> dict[Suspect, float]:
+    """Largest error the fitted fault makes in the window, of each channel and input it sits in, in its unit."""
+    response = fit.ground.response
+    reading, driving = errors_of(fit, response)
+    f, g = np.abs(reading @ fit.size)[fit.onset :], np.abs(driving @ fit.size)[fit.onset :]
+    if fit.kind is Kind.DRIFT:
+        since_s = response.t_s[fit.onset :, np.newaxis] - response.t_s[fit.onset]
+        f, g = f * since_s, g * since_s
+    return {
+        suspect: float(np.max((g if suspect.is_input else f)[:, suspect.channel], initial=0.0))
+        for part in fit.hypothesis.parts
+        for suspect in part
+    }
 
 
 def onward_means(fit: Fit, count: int) -> Matrix:

@@ -86,14 +86,20 @@ class Finding:
     also: Fit | None = None
 
 
-def isolate(response: Response, hypotheses: Sequence[Hypothesis], margins: Margins | None = None) -> Finding:
+def isolate(
+    response: Response,
+    hypotheses: Sequence[Hypothesis],
+    margins: Margins | None = None,
+    restless: frozenset[int] | None = None,
+) -> Finding:
     """Weigh every hypothesis over the window.
 
     Args:
         response: of the window.   hypotheses: of `catalogue`.   margins: defaults where None.
+        restless: sensors whose noise may have become less, as it is taken for more than declared; any, where None.
     """
     margins = margins or Margins()
-    fits = scan(response, hypotheses)
+    fits = [fit for fit in scan(response, hypotheses) if restless is None or not _calm(fit, restless)]
     nothing = Finding(Outcome.NOTHING, (), None, Choice(Kind.NONE), 0.0, 0.0)
     if not fits or fits[0].score <= 0.0:
         return nothing
@@ -107,6 +113,11 @@ def isolate(response: Response, hypotheses: Sequence[Hypothesis], margins: Margi
     if surplus > margins.misfit:
         return _unexplained(response, hypotheses, fits, margins)
     return _decide(fits, places, model, margins)
+
+
+def _calm(fit: Fit, restless: frozenset[int]) -> bool:
+    """Whether it says no more than that a declared noise is cautious: that is no fault, and explains none."""
+    return fit.kind is Kind.NOISE and float(fit.size[0]) <= 1.0 and not set(fit.place) <= restless
 
 
 def _best_of_places(fits: Sequence[Fit]) -> list[Fit]:

@@ -37,12 +37,16 @@ class Spread:
     curve: Vector
 
 
-def scatter_curve(e: Vector, at: Integers, count: int) -> Vector:
-    """(count,) LLR of a changed mean square of e from each entry on; `at`: (E,) entry of each e, each occurs."""
+def scatter_curve(e: Vector, at: Integers, count: int, least: float = 1e-12) -> Vector:
+    """(count,) LLR of a changed mean square of e from each entry on.
+
+    Args:
+        at: (E,) entry of each e, each occurs.   least: a smaller mean square counts as this.
+    """
     each = np.bincount(at, minlength=count).astype(np.float64)
     total = np.bincount(at, weights=e * e, minlength=count)
     n = np.cumsum(each[::-1])[::-1]
-    s = np.maximum(np.cumsum(total[::-1])[::-1] / n, 1e-12)
+    s = np.maximum(np.cumsum(total[::-1])[::-1] / n, least)
     return 0.5 * n * (s - 1.0 - np.log(s))
 
 
@@ -92,7 +96,10 @@ def fit_spread(ground: Ground) -> Spread:
 
 
 def pooled(response: Response) -> float:
-    """LLR of all innovations scattering differently from some entry on: what a wrong model does to every sensor."""
+    """LLR of all innovations scattering more from some entry on: what a wrong model does to every sensor.
+
+    Less than declared is what a cautious configuration looks like from the first reading on, and convicts nobody.
+    """
     entries = np.unique(response.entry)
     at = np.searchsorted(entries, response.entry)
-    return float(np.max(scatter_curve(response.e, at, len(entries)), initial=0.0))
+    return float(np.max(scatter_curve(response.e, at, len(entries), least=1.0), initial=0.0))
