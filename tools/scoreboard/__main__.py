@@ -20,12 +20,16 @@ from tools.bench import table
 from tools.scoreboard.board import FULL, QUICK, Effort, Part, Result
 from tools.scoreboard.delays import reference_part, white_part
 from tools.scoreboard.drifts import drift_part
+from tools.scoreboard.exclusion import exclusion_part
 from tools.scoreboard.false_alarms import promise_part, wrong_noise_part
 from tools.scoreboard.information import finite_part
+from tools.scoreboard.naming import naming_part
+from tools.scoreboard.outages import outages_part
 
 PARTS: dict[str, Part] = {
     "promise": promise_part, "wrong-noise": wrong_noise_part, "white": white_part, "reference": reference_part,
-    "finite": finite_part, "drift": drift_part,
+    "finite": finite_part, "drift": drift_part, "naming": naming_part,
+    "exclusion": exclusion_part, "outages": outages_part,
 }  # fmt: skip
 
 
@@ -62,7 +66,7 @@ def main(arguments: list[str] | None = None) -> None:
     if chosen.write:
         from tools.scoreboard.page import write  # matplotlib, which measuring does without
 
-        write(chosen.write, result)
+        write(chosen.write, result, chosen.quick)
     print(json.dumps({"rows": [asdict(row) for row in result.rows]}))
 
 

@@ -139,7 +139,8 @@ def reference_part(effort: Effort) -> Result:
         delay, bound = float(ours[np.isfinite(ours)].mean()), float(best[np.isfinite(best)].mean())
         missed = float(np.isinf(ours).mean())
         ratio, apart = delay / bound, delay - bound
-        what = f"bias of {d / steady:.1f} sigma, steady shift {d}, reference plant with one sensor, interval {interval:,.0f}"
+        what = f"bias of {d / steady:.1f} sigma, steady shift {d}, reference plant with one sensor, "
+        what += f"interval {interval:,.0f} samples"
         what += f", missed {missed:.1%}" if missed else ""
         result.rows.append(Row(f"3.reference.{d}", what, delay, "readings", "oracle CUSUM", ratio,
                                "<= 1.35, or 0.5 readings", ratio <= 1.35 or apart <= 0.5))  # fmt: skip

@@ -1,4 +1,4 @@
-"""How soon a drift is found on the reference plant, over an oracle that knows its slope; and the law its delay follows."""
+"""How soon a drift is found on the reference plant, over an oracle that knows its slope; and the law of the delay."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""The oracle: a CUSUM that knows profile and size of a fault and lacks its onset alone, on the engine's own innovations.
+"""The oracle: a CUSUM that knows profile and size of a fault and lacks its onset alone.
 
     max over onsets t of  sum over k = t ... now of  w(k - t) e(k) - w(k - t)^2 / 2,      alarm at h, then anew
 
-With the onset as the only unknown this is the test no other beats; its threshold is set so that on healthy innovations
-it raises as many false alarms as the engine's tests did on the same. Test: tests/calibration/test_scoreboard.py.
+On the innovations e of the plain settled filter. With the onset as the only unknown no test beats this one; its
+threshold is set so that on healthy innovations it raises as many false alarms as the engine's tests did in as long a
+time. Test: tests/calibration/test_scoreboard.py.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def threshold(e: Floats, w: Floats, interval: float) -> float:
     for _ in range(12):
         h = 0.5 * (low + high)
         low, high = (h, high) if first_alarms(e, w, h, 0, True, delays) > wanted else (low, h)
-    return 0.5 * (low + high)
+    return float(0.5 * (low + high))
 
 
 def delays_of(e: Floats, w: Floats, h: float, onset: int) -> Floats:
@@ -64,7 +65,7 @@ def delays_of(e: Floats, w: Floats, h: float, onset: int) -> Floats:
 
 
 def settled(plant: Plant) -> tuple[Floats, Floats]:
-    """Gain (n,) and innovation variance of the settled filter of a plant with one sensor: iterated, not the engine's."""
+    """Gain (n,) and innovation variance of the settled filter of a plant with one sensor, not the engine's."""
     A, H = plant.A, plant.H[0]
     noise = (plant.G * plant.Q) @ plant.G.T
     P = np.diag(plant.start**2)

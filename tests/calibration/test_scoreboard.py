@@ -1,0 +1,59 @@
+"""The scoreboard's own tools: the oracle against the exact bound, the bands, and a short run of one part."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from fusiond.numerics.cusum import shift_delay, shift_threshold
+from tools.scoreboard.__main__ import main
+from tools.scoreboard.bands import mean_interval, share
+from tools.scoreboard.delays import settled_innovations
+from tools.scoreboard.oracle import delays_of, profile, threshold
+from tools.scoreboard.plants import REFERENCE, STATIC, plant_of, sensed
+
+
+def test_the_oracle_is_the_exact_cusum_where_residuals_are_white():
+    rng = np.random.default_rng(1)
+    healthy = rng.standard_normal((64, 10_000))
+    w = np.full(60, 2.0)
+    h = threshold(healthy, w, 1000.0)
+    assert h == pytest.approx(shift_threshold(1000.0, 2.0), abs=0.15)
+    delays = delays_of(rng.standard_normal((4000, 60)) + 2.0, w, h, 0)
+    assert delays.mean() == pytest.approx(shift_delay(h, 2.0), rel=0.03)
+
+
+def test_the_profile_is_the_mean_of_the_innovations_of_a_faulty_sensor():
+    plant = plant_of(sensed(REFERENCE, {"y": 1.0}, 1e4))
+    z = plant.run(np.random.default_rng(2), 4000, 120)[0]
+    z[:, 100:] += 5.0
+    e = settled_innovations(plant, z)
+    assert e[:, 60:100].std() == pytest.approx(1.0, abs=0.01)
+    np.testing.assert_allclose(e[:, 100:].mean(axis=0), profile(plant, np.full(20, 5.0)), atol=0.08)
+
+
+def test_intervals_hold_what_they_should():
+    band = mean_interval(1e6, 100)
+    assert (band.value, band.low < 1e4 < band.high) == (1e4, True)
+    assert mean_interval(1e6, 0).low == pytest.approx(1e6 / 2.996, rel=1e-3)
+    assert share(0, 100).low == 0.0
+    assert share(0, 100).high == pytest.approx(0.0362, abs=1e-3)
+
+
+def test_a_wrong_plant_keeps_the_variance_of_correlated_noise():
+    plant = plant_of(sensed(STATIC, {"y": 2.0}, 1e4)).wrong(correlation=0.3)
+    z = plant.run(np.random.default_rng(3), 200, 400)[0][:, :, 0]
+    assert z.var() == pytest.approx(4.0, rel=0.03)
+    assert np.mean(z[:, 1:] * z[:, :-1]) / z.var() == pytest.approx(0.3, abs=0.02)
+
+
+def test_a_short_run_ends_with_its_rows_as_one_json_object(capsys, tmp_path):
+    page = tmp_path / "scoreboard.md"
+    main(["--quick", "--only", "white", "--processes", "1", "--write", str(page)])
+    rows = json.loads(capsys.readouterr().out.splitlines()[-1])["rows"]
+    assert {row["id"] for row in rows} >= {"2.white.sharp.0.5", "2.white.sharp.3.0", "2.service.robust.1.0"}
+    assert all(0.8 < row["ratio"] < 2.0 for row in rows if row["id"].startswith("2.white"))
+    assert (tmp_path / "pictures" / "scoreboard_delay.svg").is_file()
+    assert "exact CUSUM" in page.read_text(encoding="utf-8")

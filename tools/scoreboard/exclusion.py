@@ -1,0 +1,103 @@
+"""What is left after an exclusion: the run that never had the sensor, bit for bit; and a second fault kept out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fusiond.engine.engine import Engine
+from fusiond.types import Health
+from tools.scoreboard.board import Effort, Result, Row
+from tools.scoreboard.judging import places
+from tools.scoreboard.plants import VELOCITY, Floats, plant_of, sensed
+from tools.scoreboard.watching import Records, assembled, readings_of
+
+NOISE, ONSET, AFTER, SOON = 0.1, 100, 60, 5
+OUT = (int(Health.EXCLUDED), int(Health.PROBATION))
+"""Health of a sensor that is not used."""
+GARBAGE_FROM = 150
+"""Step from which the first sensor of the second-fault runs sends nothing that is a number."""
+BEFORE_IT = 3
+"""Steps before its exclusion at which the second fault begins: ten readings of three sensors."""
+SIGMAS, SECOND = 8.0, 6.0
+
+
+def same_bytes(faulted: Records, spared: Records, health: Floats) -> bool:
+    """Whether states and deviations are equal to the bit from SOON steps after the exclusion on."""
+    out = np.isin(health, OUT)
+    if not out.any():
+        return False
+    since = int(np.argmax(out)) + SOON
+    until = since + int(np.argmin(out[since:])) if not out[since:].all() else len(out)
+    return until > since and all(
+        faulted[field][since:until].tobytes() == spared[field][since:until].tobytes()
+        for field in ("x", "std")
+    )
+
+
+def equal_rows(effort: Effort, result: Result) -> None:
+    """A biased sensor, against a service that was configured without it."""
+    three = sensed(VELOCITY, {f"y{k}": NOISE for k in (1, 2, 3)}, 36_000.0)
+    two = sensed(VELOCITY, {"y1": NOISE, "y3": NOISE}, 36_000.0)
+    with_it, without = assembled(three), assembled(two)
+    z = plant_of(three).run(np.random.default_rng(7000), effort.runs(100), ONSET + AFTER)[0]
+    z[:, ONSET:, 1] += SIGMAS * NOISE
+    engine, spared = with_it.engine(), without.engine()
+    equal = returned = 0
+    for faulted, healthy in zip(readings_of(with_it, z), readings_of(without, z[:, :, ::2]), strict=True):
+        engine.reset()
+        spared.reset()
+        steps, numbers = places(with_it, engine.process(faulted))
+        others, _ = places(without, spared.process(healthy))
+        health = steps["health"][:, numbers[1]]
+        equal += same_bytes(steps, others, health)
+        returned += int(Health.PROBATION in health[ONSET:])
+    share = equal / len(z)
+    told = f"state and deviations of a run equal, to the bit, to one that never had the sensor, from {SOON} readings "
+    told += "after its exclusion on; constant velocity, three sensors, bias of 8 sigma"
+    result.rows.append(
+        Row("7.bytes", told, share, "of runs", "a run without the sensor", None, "1", equal == len(z))
+    )
+    told = f"the same runs: on probation within {AFTER} readings, though the bias goes on"
+    back = returned / len(z)
+    result.rows.append(Row("7.probation", told, back, "of runs", "", None, "<= 0.01", back <= 0.01))
+
+
+def nees(engine: Engine, truth: Floats) -> float:
+    """e' P^-1 e of the filter that hears neither the first sensor nor the second."""
+    layout, track = engine.layout, engine.track[0]
+    second = layout.numbers["y2"]
+    rows = [k for k, one in enumerate(layout.filters) if one.hears == "without" and one.sensor == "y2"]
+    row = 0 if track["reaction"]["health"][second] in OUT else rows[0]
+    error = track["x"][row] - truth
+    return float(error @ np.linalg.solve(engine.covariance(row), error))
+
+
+def second_rows(effort: Effort, result: Result) -> None:
+    """While one sensor is being excluded another one is already wrong."""
+    config = sensed(VELOCITY, {f"y{k}": NOISE for k in (1, 2, 3)}, 36_000.0)
+    assembly, plant = assembled(config), plant_of(config)
+    z, states = plant.run(np.random.default_rng(7100), effort.runs(1500, 20), GARBAGE_FROM + 4)
+    z[:, GARBAGE_FROM:, 0] = np.nan
+    excluded_at = GARBAGE_FROM + 1
+    z[:, excluded_at - BEFORE_IT :, 1] += SECOND * NOISE
+    engine = assembly.engine()
+    until = 3 * (excluded_at + 1)
+    values = []
+    for run, readings in enumerate(readings_of(assembly, z)):
+        engine.reset()
+        engine.process(readings[:until])
+        if engine.track[0]["reaction"]["health"][engine.layout.numbers["y1"]] in OUT:
+            values.append(nees(engine, states[run, excluded_at]))
+    mean = float(np.mean(values)) if values else float("nan")
+    spread = 2.0 / np.sqrt(max(len(values), 1))
+    told = f"NEES, two states, without both, in the step of the first exclusion ({len(values)} of {len(z)} runs, "
+    told += f"+- {1.96 * spread:.2f}); the second fault, {SECOND:.0f} sigma, began ten readings before"
+    result.rows.append(Row("7.second", told, mean, "", "2", mean / 2.0, "2.0 +- 0.1", abs(mean - 2.0) <= 0.1))
+
+
+def exclusion_part(effort: Effort) -> Result:
+    """After an exclusion."""
+    result = Result()
+    equal_rows(effort, result)
+    second_rows(effort, result)
+    return result
