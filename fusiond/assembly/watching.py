@@ -17,8 +17,10 @@ from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
 from fusiond.faults.hypotheses import catalogue
 from fusiond.faults.thresholds import ROBUST, SHARP, Promise
-from fusiond.types import Role
+from fusiond.types import Role, nanoseconds
 
+SILENT_PERIODS = 2.5
+"""Periods without a reading after which a regular stream is silent; an irregular one is given what it needs."""
 USUAL_S = 5.0
 """Over how long the usual value of an input is taken."""
 PROFILES = {"sharp": SHARP, "robust": ROBUST}
@@ -61,6 +63,11 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
                 record["without_var"][number, i] = stds[slot.name] ** 2
     if detection is None:
         return
+    for number, sensor in enumerate(resolved.sensors):
+        section = sensor.section
+        if section is not None and section.rate_hz and section.max_silence_s is None:
+            record["silence_ns"][number] = nanoseconds(SILENT_PERIODS / section.rate_hz)
+            record["learns_silence"][number] = 1
     tests = record["tests"]
     cells = detection.cells
     tests["theta"][:cells], tests["limit"][:cells] = detection.cell_theta, detection.cell_h

@@ -10,6 +10,7 @@ estimate along the direction in which such an error moves it (Friedland 1969), a
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from fusiond.faults.course import Suspect
 from fusiond.faults.glr import Fit
+from fusiond.faults.identification import identify
 from fusiond.faults.isolation import Finding
 from fusiond.faults.response import respond
 from fusiond.numerics.kernel import interpreted
@@ -120,16 +122,12 @@ class Reactions:
 
     def name(self, sensor: int, fit: Fit, kind: Kind, health: Health) -> None:
         """Write what is wrong with the sensor: of several sizes the most significant."""
-        parts = fit.hypothesis.parts
-        at = [k for k, part in enumerate(parts) if any(one.sensor == sensor for one in part)]
-        stds = np.sqrt(np.diagonal(fit.covariance))
-        chosen = at[int(np.argmax([abs(float(fit.size[k])) / max(float(stds[k]), 1e-300) for k in at]))]
-        mine = [one for one in parts[chosen] if one.sensor == sensor]
-        size = float(fit.size[chosen])
-        self._say(
-            sensor, health, kind, self._channel(mine[0]) if len(mine) == 1 else -1,
-            1.0 + size if kind is Kind.SCALE else size, float(stds[chosen]), self.onset_ns(fit.onset),
-        )  # fmt: skip
+        found = identify(fit)
+        mine = replace(found, parts=tuple(part for part in found.parts if sensor in part.sensors)).largest
+        suspects = [one for part in fit.hypothesis.parts for one in part if one.sensor == sensor]
+        own = [one for one in suspects if one.channel in mine.channels]
+        channel = self._channel(own[0]) if len(own) == 1 else -1
+        self._say(sensor, health, kind, channel, mine.size, mine.std, found.onset_ns)
 
     def name_unusable(self, sensor: int, kind: Kind, onset: int) -> None:
         """Write that nothing the sensor says can be used."""

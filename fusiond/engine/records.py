@@ -47,6 +47,7 @@ class Shape:
         model_parameters, sensor_parameters, law_parameters: lengths of the parameter vectors.
         controls, references: numbers of the command and of the reference (0 without control).
         cells: of the bank of fault signatures; 0 without fault detection.   window: readings its evidence reaches back.
+        protected: error slots with a protection level.
     """
 
     states: int
@@ -64,6 +65,7 @@ class Shape:
     references: int
     cells: int = 0
     window: int = 1
+    protected: int = 0
 
     @property
     def monitor(self) -> np.dtype[Any]:
@@ -106,8 +108,10 @@ def report_dtype(shape: Shape) -> np.dtype[Any]:
     kind as types.Kind.   command_due: 1 where a command was computed.
     resets, jump: how often the state was set to its initial value, and by how much it jumped the last time (error
     slots: what leads from the estimate before to the one after).
+    protection: levels of the protected slots (faults.protection), infinite before the first reading; the field is there
+    only where any is protected.
     """
-    m, s, k = shape.payload, shape.sensors, shape.controls
+    m, s, k, q = shape.payload, shape.sensors, shape.controls, shape.protected
     return record(
         ("t_ns", "<i8"), ("arrival_ns", "<i8"), ("seq", "<u8"), ("sensor", "<i4"), ("verdict", "<i4"),
         ("action", "<i4"), ("dof", "<i4"), ("length", "<i4"), ("service", "<i4"), ("health", "<i4", (s,)),
@@ -118,6 +122,7 @@ def report_dtype(shape: Shape) -> np.dtype[Any]:
         ("fault", "<i4", (s,)), ("fault_channel", "<i4", (s,)), ("fault_size", "<f8", (s,)), ("fault_std", "<f8", (s,)),
         ("fault_onset_ns", "<i8", (s,)), ("suspects", "<u8", (s,)), ("model", "<i4"),
         ("command_due", "<i4"), ("command_valid", "<i4"), ("command", "<f8", (k,)),
+        *([("protection", "<f8", (q,))] if q else []),
     )  # fmt: skip
 
 
@@ -127,9 +132,10 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     Each filter has its own time: it is predicted only when one of its own readings comes, so that leaving a sensor
     out is, bit for bit, a run that never had it. U (n, n) is unit upper triangular (only its upper part is meant),
     d >= 0; they are the covariance of the error of x.
-    u: the inputs held now, u_var their variances.   sensor_t_ns: stamp of each sensor's last
-    reading, held ones included; sensor_z: its last used one.   gap_from_ns, gap_to_ns: its last
-    silence that was longer than healthy.   resets, jump: as in the report.
+    u: the inputs held now, u_var their variances.   sensor_t_ns: stamp of each sensor's last reading, held ones
+    included; sensor_z: its last used one.   gap_from_ns, gap_to_ns: its last silence that was longer than healthy;
+    longest_gap_ns: of late;   live: whether its arrivals are known.   resets, jump: as in the report.
+    reaction, monitor: faults.records.
     """
     n, f, s, m, ni = shape.errors, shape.filters, shape.sensors, shape.payload, shape.inputs
     return record(
@@ -139,6 +145,7 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
         ("gap_from_ns", "<i8", (s,)), ("gap_to_ns", "<i8", (s,)),
+        ("longest_gap_ns", "<i8", (s,)), ("live", "<i8", (s,)),
         ("reaction", reaction_dtype(sensors=s, payload=m)), ("monitor", shape.monitor),
     )  # fmt: skip
 
@@ -169,8 +176,10 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     x0, U0, d0: initial state.  p: model parameters.  Per sensor: role, length (numbers it sends), dof (channels
     measured), lower/upper (allowed range), R_U, R_d (its R as U diag(d) U'), at (state slots it reads), sp (its
     parameters), wraps (channels that are angles, rad), drives (inputs it sets, -1 none), hold, holds_value, delay_ns
-    (its stamps are this much later than what it measured), silence_ns (longest healthy silence, 0 never silent).
-    heard: (s, f) whether filter f hears sensor s; alone: (f,) whether it hears no other.   angle: (states,) whether a
+    (its stamps are this much later than what it measured), silence_ns (longest healthy silence, 0 never silent),
+    learns_silence (whether that may grow).
+    heard: (s, f) whether filter f hears sensor s; alone: (f,) whether it hears no other; spares: (f,) whether it leaves
+    one out.   protected: (q,) error slots with a protection level; quantile: of it, in deviations.   angle: (states,) whether a
     state is an angle, rad.   without_var: (s, m) variances of an input while its sensor is silent or excluded, 0 where
     the last value holds on.   tests: faults.records.
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
@@ -186,8 +195,9 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("at", "<i8", (s, shape.slots)), ("sp", "<f8", (s, shape.sensor_parameters)),
         ("wraps", "<i4", (s, m)), ("drives", "<i4", (s, m)), ("hold", "<i4", (s,)), ("holds_value", "<i4", (s,)),
         ("heard", "<i4", (s, shape.filters)), ("alone", "<i4", (shape.filters,)), ("without_var", "<f8", (s, m)),
+        ("spares", "<i4", (shape.filters,)), ("protected", "<i8", (shape.protected,)), ("quantile", "<f8"),
         ("tests", tests_dtype(sensors=s, cells=shape.cells)),
-        ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)),
+        ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)), ("learns_silence", "<i8", (s,)),
         ("step_ns", "<i8"), ("max_step_ns", "<i8"), ("horizon_ns", "<i8"), ("ahead_ns", "<i8"), ("resync", "<i8"),
         ("quiet_ns", "<i8"),
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),

@@ -29,6 +29,7 @@ def plain_track_dtype(shape: Shape) -> np.dtype[Any]:
         ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, n)), ("P", "<f8", (f, n, n)),
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("gap_from_ns", "<i8", (s,)), ("gap_to_ns", "<i8", (s,)),
+        ("longest_gap_ns", "<i8", (s,)), ("live", "<i8", (s,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
         ("repairs", "<i8"), ("unsound", "<i8"), ("repair_size", "<f8"), ("repair_last", "<f8"), ("condition", "<f8"),
         ("drawn", "<i8"),

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from fusiond.engine.records import HAS_R
+from fusiond.engine.records import HAS_ARRIVAL, HAS_R
 from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
 
 from .monitor import corrected, fall_back, is_excluded, note_input
 from .predict import predict
-from .sizes import FILTERS, SENSORS, STEADY
+from .silence import note_gap
+from .sizes import FILTERS, SENSORS
 from .update import correct, look
 
 INPUT = int(Role.INPUT)
@@ -90,17 +91,6 @@ def update(track: Any, design: Any, work: Any, reading: Any, report: Any) -> Non
 
 
 @kernel
-def note_gap(track: Any, design: Any, sensor: int, t_ns: int) -> None:
-    """Remember a silence that was too long; one soon after another continues it."""
-    limit = design.silence_ns[sensor]
-    if not 0 < limit < t_ns - track.sensor_t_ns[sensor]:
-        return
-    if t_ns - track.gap_to_ns[sensor] > STEADY * limit:
-        track.gap_from_ns[sensor] = track.sensor_t_ns[sensor]
-    track.gap_to_ns[sensor] = t_ns
-
-
-@kernel
 def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
     """Apply one screened reading, no older than the last one applied. Writes report.verdict, nu, S, R_*, e, nis.
 
@@ -110,7 +100,7 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
     if not track.started:
         start(track, design, reading.t_ns)
     track.t_ns = reading.t_ns
-    note_gap(track, design, sensor, reading.t_ns)
+    note_gap(track, design, sensor, reading.t_ns, reading["flags"] & HAS_ARRIVAL != 0)
     track.sensor_t_ns[sensor] = reading.t_ns
     if repeats(track, design, reading):
         report.verdict = HELD

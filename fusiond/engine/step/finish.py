@@ -11,7 +11,8 @@ from fusiond.numerics.ud import ud_variance
 from fusiond.types import Health, Kind, ServiceHealth
 
 from .law import command
-from .sizes import CONTROLS, ERRORS, SENSORS, STATES, STEADY
+from .silence import is_silent, silent_since, unsteady
+from .sizes import CONTROLS, ERRORS, SENSORS, STATES
 
 HEALTHY = int(Health.HEALTHY)
 SILENT = int(Health.SILENT)
@@ -49,11 +50,8 @@ def judge_health(track: Any, design: Any, now_ns: int, finite: bool, report: Any
     """Write report.health and report.service: silence by the age of data at now_ns, faults as judged."""
     sound = True
     for sensor in range(SENSORS):
-        age_ns = now_ns - track.sensor_t_ns[sensor]
-        limit = design.silence_ns[sensor]
-        quiet = track.started and 0 < limit < age_ns
-        if STEADY > 0 and track.gap_to_ns[sensor] != 0:
-            quiet = quiet or now_ns - track.gap_to_ns[sensor] < STEADY * limit
+        quiet = is_silent(track, design, sensor, now_ns) or unsteady(track, design, sensor, now_ns)
+        quiet = quiet and track.started != 0
         report.health[sensor] = SILENT if quiet else track.reaction.health[sensor]
         sound = sound and report.health[sensor] == HEALTHY
     age_ns = now_ns - track.update_ns
@@ -63,16 +61,6 @@ def judge_health(track: Any, design: Any, now_ns: int, finite: bool, report: Any
         report.service = DEAD_RECKONING
     else:
         report.service = NOMINAL if sound else DEGRADED
-
-
-@kernel
-def silent_since(track: Any, design: Any, sensor: int) -> int:
-    """Last reading before the silence, or before the first of several in a row."""
-    last_ns = track.sensor_t_ns[sensor]
-    broken = STEADY > 0 and track.gap_to_ns[sensor] != 0
-    if broken and last_ns - track.gap_to_ns[sensor] < STEADY * design.silence_ns[sensor]:
-        return int(track.gap_from_ns[sensor])
-    return int(last_ns)
 
 
 @kernel

@@ -11,6 +11,7 @@ from fusiond.types import Alarm, Role
 
 from .inject import between
 from .signatures import bank, carry, forget_interval
+from .silence import is_silent
 from .sizes import ERRORS, INPUTS, SENSORS, STATES, WINDOW
 from .spread_tests import ask, clear_tests, test_frozen, test_scatter, variance_gain
 
@@ -150,7 +151,7 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
     for sensor in range(SENSORS):
         if design.role[sensor] != INPUT or design.without_var[sensor, 0] <= 0.0:
             continue
-        silent = 0 < design.silence_ns[sensor] < t_ns - track.sensor_t_ns[sensor]
+        silent = is_silent(track, design, sensor, t_ns)
         if silent or is_excluded(track, sensor, t_ns):
             for i in range(design.length[sensor]):
                 track.u[design.drives[sensor, i]] = track.monitor.usual[sensor, i]
