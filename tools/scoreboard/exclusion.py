@@ -39,7 +39,7 @@ def equal_rows(effort: Effort, result: Result) -> None:
     three = sensed(VELOCITY, {f"y{k}": NOISE for k in (1, 2, 3)}, 36_000.0)
     two = sensed(VELOCITY, {"y1": NOISE, "y3": NOISE}, 36_000.0)
     with_it, without = assembled(three), assembled(two)
-    z = plant_of(three).run(np.random.default_rng(7000), effort.runs(100), ONSET + AFTER)[0]
+    z = plant_of(three).run(np.random.default_rng(7000), effort.runs(60), ONSET + AFTER)[0]
     z[:, ONSET:, 1] += SIGMAS * NOISE
     engine, spared = with_it.engine(), without.engine()
     equal = returned = 0
@@ -76,7 +76,7 @@ def second_rows(effort: Effort, result: Result) -> None:
     """While one sensor is being excluded another one is already wrong."""
     config = sensed(VELOCITY, {f"y{k}": NOISE for k in (1, 2, 3)}, 36_000.0)
     assembly, plant = assembled(config), plant_of(config)
-    z, states = plant.run(np.random.default_rng(7100), effort.runs(1500, 20), GARBAGE_FROM + 4)
+    z, states = plant.run(np.random.default_rng(7100), effort.runs(500, 20), GARBAGE_FROM + 4)
     z[:, GARBAGE_FROM:, 0] = np.nan
     excluded_at = GARBAGE_FROM + 1
     z[:, excluded_at - BEFORE_IT :, 1] += SECOND * NOISE

@@ -60,7 +60,7 @@ def isolable_rows(effort: Effort, result: Result) -> None:
         ("reference plant, two sensors", *reference(PROMISED_S, "sharp"), 6.0),
     )
     for number, (name, assembly, plant, sigmas) in enumerate(cases):
-        z, who = biased(plant, effort.runs(600, 12), sigmas, 6000 + number)
+        z, who = biased(plant, effort.runs(150, 12), sigmas, 6000 + number)
         found = judged(assembly, assembly.engine(), z, ONSET)
         counts = confusion(found, who, len(plant.H))
         named = counts[:, : len(plant.H)]
@@ -106,7 +106,7 @@ def ambiguous_rows(effort: Effort, result: Result) -> None:
     """Two equal sensors on an integrator: nothing tells them apart."""
     config = sensed(VELOCITY, {"y1": NOISE, "y2": NOISE}, PROMISED_S)
     assembly, plant = assembled(config), plant_of(config)
-    z, who = biased(plant, effort.runs(300, 12), 6.0, 6100)
+    z, who = biased(plant, effort.runs(60, 12), 6.0, 6100)
     found = judged(assembly, assembly.engine(), z, ONSET)
     exact = sum(not verdict.named and verdict.suspects == (0, 1) for verdict in found)
     named = sum(bool(verdict.named) for verdict in found)

@@ -49,9 +49,9 @@ def first_alarms(e: Floats, w: Floats, h: float, onset: int, again: bool, delays
 def threshold(e: Floats, w: Floats, interval: float) -> float:
     """Threshold at which the mean time between alarms on healthy (runs, k) innovations is `interval` readings."""
     delays = np.full(len(e), np.inf)
-    low, high = 0.0, np.log(interval) + 3.0
+    low, high = max(np.log(interval) - 6.0, 0.5), np.log(interval) + 1.0
     wanted = e.size / interval
-    for _ in range(12):
+    for _ in range(9):
         h = 0.5 * (low + high)
         low, high = (h, high) if first_alarms(e, w, h, 0, True, delays) > wanted else (low, h)
     return float(0.5 * (low + high))

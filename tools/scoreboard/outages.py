@@ -65,7 +65,7 @@ def outages_part(effort: Effort) -> Result:
     )
     result, engine = Result(), assembly.engine()
     for number, (identity, name, unit, reach, told) in enumerate(cases):
-        z = plant.run(np.random.default_rng(8000 + number), effort.runs(100, 4), ONSET + AFTER)[0]
+        z = plant.run(np.random.default_rng(8000 + number), effort.runs(40, 4), ONSET + AFTER)[0]
         worst = 0.0
         for run in z:
             engine.reset()
