@@ -33,6 +33,7 @@ class Unsteered:
 
 
 UNSTEERED: Mapping[str, Unsteered] = {
+    "ground_vehicle": Unsteered(("y",), own_noise=False),
     "reference_plant": Unsteered(("x1",), own_noise=True),
     "square_robot": Unsteered(("x", "y"), own_noise=False),
     "square_robot_gyro": Unsteered(("x", "y"), own_noise=False),

@@ -27,12 +27,14 @@ def words(option: str, given: object, choices: Sequence[str]) -> tuple[str, ...]
     return named
 
 
-def number(option: str, given: object, least: float = -math.inf) -> float:
-    """A finite number, not below the least."""
+def number(option: str, given: object, least: float = -math.inf, most: float = math.inf) -> float:
+    """A finite number, not below the least nor above the most."""
     if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
         raise ConfigError(f"simulate: {option} {given!r} is no finite number; give one")
     if given < least:
         raise ConfigError(f"simulate: {option} {given} is below {least:g}; give {least:g} or more")
+    if given > most:
+        raise ConfigError(f"simulate: {option} {given} is above {most:g}; give {most:g} or less")
     return float(given)
 
 

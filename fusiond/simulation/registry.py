@@ -40,6 +40,7 @@ SYSTEMS: dict[str, System] = {
     "planar": System(systems.planar, 60.0),
     "square_robot": System(systems.square_robot, 22.0),
     "square_robot_gyro": System(systems.square_robot_gyro, 22.0),
+    "ground_vehicle": System(systems.ground_vehicle, 9.5),
 }
 
 

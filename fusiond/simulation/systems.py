@@ -22,6 +22,11 @@ from fusiond.simulation.square_robot import Sensors as SquareSensors
 from fusiond.simulation.square_robot import run as run_square
 from fusiond.simulation.streams import stream
 from fusiond.simulation.tables import Floats, Reading, Times, Truth, stamps
+from fusiond.simulation.vehicle_drive import follow
+from fusiond.simulation.vehicle_equations import COLUMNS
+from fusiond.simulation.vehicle_manoeuvres import Manoeuvre
+from fusiond.simulation.vehicle_sensors import MEASURED, MILLISECOND_NS
+from fusiond.simulation.vehicle_sensors import readings as vehicle_readings
 from fusiond.types import NANOSECONDS
 
 Made = tuple[list[Reading], Truth]
@@ -194,6 +199,16 @@ def _square(seed: int, duration_ns: int, lies: Lies, names: Sequence[str]) -> Ma
     std = SquareSensors().std
     aboard = [Measured(name, len(std(name)), sigma=std(name)) for name in names]
     return _sent([reading for reading in readings if reading.sensor in names], lies(aboard)), truth
+
+
+def ground_vehicle(
+    seed: int, duration_ns: int, lies: Lies = honest, *, manoeuvre: str = "dlc", speed_km_h: float = 60.0
+) -> Made:
+    """Seed 002's car: manoeuvre dlc (double lane change) or jturn, from 20 to 160 km/h, the seed's fastest."""
+    speed = options.number("speed_km_h", speed_km_h, 20.0, 160.0)
+    asked = Manoeuvre(options.choice("manoeuvre", manoeuvre, ("dlc", "jturn")), speed)
+    motion = follow(asked, duration_ns // MILLISECOND_NS)
+    return _sent(vehicle_readings(motion, seed), lies(MEASURED)), motion.truth(COLUMNS)
 
 
 def _outputs(seed: int, t_ns: Times, exact: Floats, variances: Sequence[float]) -> list[Reading]:

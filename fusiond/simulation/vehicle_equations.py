@@ -72,6 +72,18 @@ class Disturbance:
     yaw_acceleration: float
 
 
+def advance(s: Floats, after: Floats, pushed: Floats, dt_s: float) -> None:
+    """One step (11) of the body, s to after, both (runs, 10); pushed as `Car.push` gives it. Leaves the axle forces."""
+    after[:, 8:] = pushed[:, :2]
+    after[:, 0] = s[:, 0] + dt_s * (pushed[:, 0] + s[:, 1] * s[:, 2])
+    after[:, 1] = s[:, 1] + dt_s * (pushed[:, 1] - s[:, 0] * s[:, 2])
+    after[:, 2] = s[:, 2] + dt_s * pushed[:, 2]
+    after[:, 5] = s[:, 5] + dt_s * s[:, 2]
+    cosine, sine = np.cos(s[:, 5]), np.sin(s[:, 5])
+    after[:, 6] = s[:, 6] + dt_s * (s[:, 0] * cosine - s[:, 1] * sine)
+    after[:, 7] = s[:, 7] + dt_s * (s[:, 0] * sine + s[:, 1] * cosine)
+
+
 def drive(
     car: Car,
     disturbance: Disturbance,
@@ -100,14 +112,9 @@ def drive(
         noise = rng.standard_normal((runs, 5))
         wheels = np.broadcast_to(drive_n[k], (runs, 4))
         pushed = car.push(wheels, s[:, 3:5], np.full(runs, steering_rad[k]), s[:, :2])
-        after[:, 8:] = pushed[:, :2] + disturbance.specific_force / root * noise[:, :2]
-        after[:, 0] = s[:, 0] + dt_s * (after[:, 8] + s[:, 1] * s[:, 2])
-        after[:, 1] = s[:, 1] + dt_s * (after[:, 9] - s[:, 0] * s[:, 2])
-        after[:, 2] = s[:, 2] + dt_s * pushed[:, 2] + disturbance.yaw_acceleration * root * noise[:, 2]
+        pushed[:, :2] += disturbance.specific_force / root * noise[:, :2]
+        advance(s, after, pushed, dt_s)
+        after[:, 2] += disturbance.yaw_acceleration * root * noise[:, 2]
         wander = disturbance.lateral_force_n_sqrt_s * root * noise[:, 3:]
         after[:, 3:5] = s[:, 3:5] + wander if lateral_n is None else lateral_n[k + 1]
-        after[:, 5] = s[:, 5] + dt_s * s[:, 2]
-        cosine, sine = np.cos(s[:, 5]), np.sin(s[:, 5])
-        after[:, 6] = s[:, 6] + dt_s * (s[:, 0] * cosine - s[:, 1] * sine)
-        after[:, 7] = s[:, 7] + dt_s * (s[:, 0] * sine + s[:, 1] * cosine)
     return states

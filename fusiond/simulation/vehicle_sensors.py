@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fusiond.simulation.faults_injection import Measured
 from fusiond.simulation.streams import stream
 from fusiond.simulation.tables import Floats, Reading, Times, Truth
 
@@ -25,6 +26,15 @@ COURSE_STD_RAD = 0.01
 POSITION_STD_M = 0.1
 HEADING_STD_RAD = 0.01
 FORCE_SHARE = 0.05
+MEASURED = (
+    Measured("applied", 5),
+    Measured("imu", 3, sigma=(ACCELERATION_STD_M_S2, ACCELERATION_STD_M_S2, YAW_RATE_STD_RAD_S)),
+    Measured(
+        "gps", 4, sigma=(SPEED_STD_M_S, COURSE_STD_RAD, POSITION_STD_M, POSITION_STD_M), angles=frozenset({1})
+    ),
+    Measured("magnetometer", 1, sigma=(HEADING_STD_RAD,), angles=frozenset({0})),
+)
+"""What whoever lets them lie must know; the noise of a force is a share of it, no number of its own."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -155,5 +155,5 @@ def test_a_name_nobody_knows_is_the_operators_mistake():
     assert done.returncode == 2
     assert done.stderr.strip() == (
         "demo mincar: no plant of that name; "
-        "choose one of birotor, minicar, reference_plant, square_robot, square_robot_gyro, wall_robot"
+        "choose one of birotor, ground_vehicle, minicar, reference_plant, square_robot, square_robot_gyro, wall_robot"
     )
