@@ -76,6 +76,11 @@ class FaultsSection(Section):
     """sharp: noise is as declared, faults are found as early as can be. robust: it may be wrong by a third."""
     window: Annotated[int, Field(ge=16)] = 128
     """Readings of evidence kept for telling which sensor it is."""
+    protect: list[str] = []
+    """States whose estimate carries a protection level: its error is no larger, whichever one correcting sensor is
+    wrong and whether or not anybody noticed. Inputs are trusted, and so is `initial` for what one sensor alone sees."""
+    protect_outside: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 1e-5
+    """Promised largest probability that an error exceeds its level."""
 
 
 class InputSection(SensorSection):

@@ -20,6 +20,7 @@ from fusiond.assembly.modules import require
 from fusiond.assembly.observability import require_observable
 from fusiond.assembly.package import import_package, source_of, step_sources, write_package
 from fusiond.assembly.plain import check_choices, plain_design, plain_sources
+from fusiond.assembly.protecting import protected, write_protection
 from fusiond.assembly.resolve import Resolved, by_key, resolve
 from fusiond.assembly.watching import judge_of, watched, write_tests
 from fusiond.config import Config, read
@@ -140,8 +141,10 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
         check_jacobians(resolved)
         require_observable(resolved)
     layout, detection = watched(resolved, layout)
+    layout = protected(resolved, layout)
     design = design_of(resolved, layout)
     write_tests(resolved, detection, design)
+    write_protection(resolved, layout, design)
     design = plain_design(resolved, layout, design) if layout.plain else design
     return Assembly(resolved, layout, design, detection)
 

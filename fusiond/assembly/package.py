@@ -28,10 +28,10 @@ from fusiond.engine.step import sizes
 
 SWAPPED = (
     "process.py", "observe.py", "law.py", "sizes.py", "advance.py", "advance_nonlinear.py", "inject.py",
-    "inject_manifold.py", "monitor_on.py",
+    "inject_manifold.py", "monitor_on.py", "protect.py", "protect_on.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
-STEADY = 10
+STEADY = 20
 """Healthy silences for which a sensor must speak, without another, before it is silent no longer."""
 WATCHING = ("signatures.py", "spread_tests.py")
 """Files of the template that only a configuration with fault detection needs."""
@@ -78,6 +78,7 @@ def sizes_source(shape: records.Shape) -> str:
         "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises,
         "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
         "STEADY": STEADY if shape.cells else 0, "CELLS": shape.cells, "WINDOW": shape.window,
+        "PROTECTED": shape.protected,
         "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
     }  # fmt: skip
     return "".join([f"{name} = {value}\n" for name, value in constants.items()])
@@ -98,6 +99,7 @@ def step_sources(
     files = {name: text for name, text in template.items() if name not in SWAPPED}
     files["advance.py"] = template["advance.py" if linear else "advance_nonlinear.py"]
     files["inject.py"] = template["inject_manifold.py" if manifold else "inject.py"]
+    files["protect.py"] = template["protect_on.py" if shape.protected > 0 else "protect.py"]
     if shape.cells > 0:
         files["monitor.py"] = template["monitor_on.py"]
     else:

@@ -56,6 +56,7 @@ class Layout:
         controls, references: numbers of a command, and of the reference it follows.
         outputs: what the process model derives from its state (`vx`, `vy`), in the order of `Engine.outputs`.
         topology: how a plain step fuses (`fusiond.engine.plain`); empty where the step is compiled.
+        protected: error slots with a protection level in every report.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Layout:
     filters: tuple[FilterLayout, ...]
     shape: Shape
     topology: str = ""
+    protected: tuple[Slot, ...] = ()
 
     @property
     def plain(self) -> bool:

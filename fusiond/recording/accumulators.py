@@ -82,7 +82,10 @@ class SensorSums:
 
 
 class TruthSums:
-    """Errors against truth at the times of the estimates: RMSE by name, NEES over the states truth has."""
+    """Errors against truth at the times of the estimates: RMSE by name, NEES over the states truth has.
+
+    Where levels were asked for, also how often an error exceeded its protection level.
+    """
 
     def __init__(self, layout: Layout, truth: Truth, outputs: Outputs) -> None:
         states = [slot.name for slot in layout.states]
@@ -101,6 +104,8 @@ class TruthSums:
         self._from_state = [states.index(name) if name in states else -1 for name in self.names]
         self.state_columns = [k for k, name in enumerate(self.names) if name in states and name in errors]
         self._states = [errors.index(self.names[k]) for k in self.state_columns]
+        self._levels = {slot.name: k for k, slot in enumerate(layout.protected) if slot.name in self.names}
+        self._outside = np.zeros(len(self._levels), np.int64)
         self._square_sum = np.zeros(len(self.names))
         self._nees_sum = 0.0
         self._nees_count = 0
@@ -118,6 +123,9 @@ class TruthSums:
         error = self._truth.errors(self._estimates(x), truth[covered])
         self._square_sum += np.sum(error**2, axis=0)
         self.count += len(x)
+        for k, (name, at) in enumerate(self._levels.items()):
+            exceeded = np.abs(error[:, self.names.index(name)]) > reports["protection"][covered, at]
+            self._outside[k] += int(np.count_nonzero(exceeded))
         if covariances is None or not self._states or not len(x):
             return
         P = covariances[covered][:, self._states][:, :, self._states]
@@ -131,6 +139,12 @@ class TruthSums:
         if not self.count:
             return {}
         return dict(zip(self.names, np.sqrt(self._square_sum / self.count).tolist(), strict=True))
+
+    def outside(self) -> dict[str, float]:
+        """Share of estimates outside their protection level, by the names that have one and a truth."""
+        if not self.count:
+            return {}
+        return dict(zip(self._levels, (self._outside / self.count).tolist(), strict=True))
 
     def nees_mean(self) -> float | None:
         """Mean NEES, None where there was none."""

@@ -17,7 +17,7 @@ from fusiond.recording.mcap_writer import McapWriter
 from fusiond.recording.refusals import Refusals
 from fusiond.recording.summary import Summary
 from fusiond.recording.truth import Truth
-from fusiond.recording.views import Thinning, estimate_message
+from fusiond.recording.views import Thinning, estimate_message, protection_part
 from fusiond.types import ServiceHealth, seconds
 
 Witness = Callable[[NDArray[Any], NDArray[Any]], None]
@@ -112,6 +112,7 @@ class Run:
             wall_s=wall_s,
             final=self._final(),
             rmse=truth.rmse() if truth else None,
+            outside=truth.outside() if truth else {},
             nees_mean=truth.nees_mean() if truth else None,
             nees_dof=len(truth.state_columns) if truth else 0,
             compared=truth.count if truth else 0,
@@ -143,6 +144,7 @@ class Run:
             ),
             "health": ServiceHealth(int(last["service"])).label,
         }
+        final |= protection_part(layout, last)
         return final | ({"outputs": self._engine.outputs(x)} if layout.outputs else {})
 
     def _write(

@@ -21,7 +21,7 @@ PROPERTIES: dict[str, dict[str, object]] = {
     "fusiond.Instant": {"t": TIME, "t_ns": {"type": "integer"}, "arrival_ns": {"type": "integer"}},
     "fusiond.Estimate": {
         "t": TIME, "seq": SEQ, "epoch": {}, "resets": SEQ, "jump": NAMED, "state": NAMED, "std": NAMED,
-        "health": {"type": "string"},
+        "health": {"type": "string"}, "protection": {},
     },
     "fusiond.Control": {
         "t": TIME, "seq": SEQ, "epoch": {}, "u": NAMED, "valid": {"type": "boolean"},

@@ -49,6 +49,7 @@ class Summary:
         repairs: covariances that had to be repaired; the UD recursion needs none.
         guard: what the guard of the covariance met (`Engine.guard`); empty with a compiled step.
         model_alarms: when the model, not a sensor, was thought wrong.
+        outside: by name, the share of the estimates compared whose error exceeded its protection level.
     """
 
     readings: int
@@ -67,6 +68,7 @@ class Summary:
     guard: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     model_alarms: list[dict[str, Any]] = field(default_factory=list)
+    outside: dict[str, float] = field(default_factory=dict)
 
     def json_object(self) -> dict[str, Any]:
         """The object of the contract; `rmse` and `nees_mean` only with truth."""
@@ -74,6 +76,8 @@ class Summary:
         if self.rmse is not None:
             out |= {"rmse": self.rmse, "nees_mean": self.nees_mean, "nees_dof": self.nees_dof}
             out["compared"] = self.compared
+        if self.outside:
+            out["outside"] = self.outside
         return out | {
             "model": {"alarms": self.model_alarms},
             "sensors": {name: sensor.json_object() for name, sensor in self.sensors.items()},

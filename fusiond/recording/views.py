@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,7 +15,9 @@ from fusiond.types import NANOSECONDS, ServiceHealth, seconds
 
 
 def estimate_message(layout: Layout, report: Any, seq: int, epoch: str) -> dict[str, Any]:
-    """The estimate after one report: `{t, seq, epoch, resets, jump{}, state{}, std{}, health}`."""
+    """The estimate after one report: `{t, seq, epoch, resets, jump{}, state{}, std{}, health}`, and
+    `protection{}` where it was asked for.
+    """
     names, errors = [slot.name for slot in layout.states], [slot.name for slot in layout.errors]
     resets = int(report["resets"])
     return {
@@ -26,7 +29,15 @@ def estimate_message(layout: Layout, report: Any, seq: int, epoch: str) -> dict[
         "state": dict(zip(names, map(number_json, report["x"]), strict=False)),
         "std": dict(zip(errors, map(number_json, report["std"]), strict=False)),
         "health": ServiceHealth(int(report["service"])).label,
-    }
+    } | protection_part(layout, report)
+
+
+def protection_part(layout: Layout, report: Any) -> dict[str, dict[str, float | None]]:
+    """`{protection: {name: level}}`, null where nothing limits the error; empty where no level was asked for."""
+    if not layout.protected:
+        return {}
+    levels = [level if math.isfinite(level) else None for level in report["protection"].tolist()]
+    return {"protection": dict(zip([slot.name for slot in layout.protected], levels, strict=True))}
 
 
 class Thinning:

@@ -36,16 +36,18 @@ class EstimateMessage:
     def __init__(self, layout: Layout) -> None:
         self._names = [slot.name for slot in layout.states]
         self._errors = [slot.name for slot in layout.errors]
+        self._protected = [slot.name for slot in layout.protected]
 
     def content(
         self, t_ns: int, seq: int, epoch: int, resets: int, jump: Sequence[float], x: Sequence[float],
-        std: Sequence[float], service: int, outputs: Mapping[str, float] | None,
+        std: Sequence[float], service: int, outputs: Mapping[str, float] | None, protection: Sequence[float] = (),
     ) -> Message:  # fmt: skip
         """One estimate; `outputs` (numbers derived from the state) stand in it where the model has any.
 
         Args:
             resets, jump: how often the state was set anew, and what led from the estimate before the last time to
                 the one after: whoever follows the estimate shifts by it when `resets` has grown by one.
+            protection: levels of the protected states; null goes out where nothing limits the error.
         """
         sound = math.isfinite(sum(x) + sum(std))
         message: Message = {
@@ -57,6 +59,8 @@ class EstimateMessage:
         }  # fmt: skip
         if sound and outputs is not None:
             message["outputs"] = outputs
+        if self._protected:
+            message["protection"] = dict(zip(self._protected, protection, strict=True)) if sound else {}
         return message
 
 

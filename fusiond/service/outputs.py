@@ -141,7 +141,7 @@ class Outputs:
         seq = self._next("estimate") if goes_out else self._seq["estimate"]
         derived = self._derived(np.array(x)) if self._derived else None
         message = self._estimate_message.content(
-            t_ns, seq, self.epoch, resets, jump, x, std, service, derived
+            t_ns, seq, self.epoch, resets, jump, x, std, service, derived, self._rows.protection(raw, k)
         )
         self.latest = message
         if goes_out and self._packed:

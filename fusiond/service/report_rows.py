@@ -30,6 +30,7 @@ class ReportRows:
         self._head = fields_struct(dtype, HEAD, whole=True)
         self._state = fields_struct(dtype, STATE)
         self._command = fields_struct(dtype, COMMAND)
+        self._levels = fields_struct(dtype, ("protection",)) if layout.protected else None
         self._n, self._errors = layout.shape.states, layout.shape.errors
         self._controls = len(layout.controls)
 
@@ -48,6 +49,10 @@ class ReportRows:
         numbers = self._state.unpack_from(raw, k * self.size)
         end = self._n + self._errors
         return numbers[: self._n], numbers[self._n : end], numbers[end], numbers[end + 1 :]
+
+    def protection(self, raw: bytes, k: int) -> tuple[float, ...]:
+        """Protection levels of report k; empty where none were asked for."""
+        return self._levels.unpack_from(raw, k * self.size) if self._levels else ()
 
     def command(self, raw: bytes, k: int) -> tuple[bool, tuple[float, ...]]:
         """Whether the command of report k is valid, and the command."""

@@ -15,6 +15,7 @@ from .apply import apply
 from .finish import finish
 from .monitor import awaits_judgement, fall_back, note_unusable
 from .predict import predict
+from .protect import protect
 from .screen import comes_after, note_sequence, same_values, screen, sequence_repeats
 from .sizes import PAYLOAD, SENSORS, SNAPSHOT_EVERY
 from .timing import follow_jump, judge_stamp, note_stamp, restart, time_jumped
@@ -231,6 +232,7 @@ def run(
             desk.pause = TO_JUDGE
             return k
         now_ns = reading.t_ns if reading.sensor == TICK else tracks[0].t_ns
+        protect(ends[0], design[0], work, report)
         finish(ends[0], desk, design[0], now_ns, report)
         if covariances.shape[0] > 0:
             ud_compose(tracks[0].U[0], tracks[0].d[0], covariances[k])
