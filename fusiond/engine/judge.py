@@ -38,6 +38,7 @@ from fusiond.faults.glr import Fit
 from fusiond.faults.hypotheses import Hypothesis
 from fusiond.faults.isolation import Finding, Outcome, isolate
 from fusiond.faults.response import respond
+from fusiond.faults.tolerated import tolerate
 from fusiond.types import NANOSECONDS, Alarm, Health, Kind, Role
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ RELAPSES = 6
 """Relapses after which waiting grows no longer."""
 SURE = 3.0
 """Standard deviations within which a remaining error is none."""
+BEYOND = 2.0
+"""Standard deviations by which an error must exceed what is tolerated."""
 LARGEST_NOISE = 100.0
 """Beyond this factor of its declared noise a sensor that can be spared is excluded."""
 
@@ -132,8 +135,9 @@ class Judge:
             return True
         if fit.kind is Kind.NOISE:
             return self._noisy(reactions, fit)
-        worst = worst_error(fit)
-        return any(error > self.tolerance.get(suspect, 0.0) for suspect, error in worst.items())
+        tolerance = {suspect: self.tolerance.get(suspect, 0.0) for suspect in worst_error(fit)}
+        surely = worst_error(fit, BEYOND)
+        return any(limit <= 0.0 or surely[suspect] > limit for suspect, limit in tolerance.items())
 
     def _noisy(self, reactions: Reactions, fit: Fit) -> bool:
         """Whether a change of noise is a fault: more than tolerated, or the end of one."""
@@ -153,7 +157,8 @@ class Judge:
         out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
         restless = frozenset(int(k) for k in np.flatnonzero(reactions.reaction["noise_excess"] > 0.0))
-        return isolate(respond(reactions.window, self.layout.shape.inputs), asked, restless=restless)
+        seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
+        return isolate(seen, asked, restless=restless)
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""

@@ -23,8 +23,8 @@ RANK = 1e-8
 """Directions of the state with a smaller share of the largest information are not seen."""
 
 
-def _moved(response: Response) -> float:
-    """Best score of a sudden change of the state, in any direction that is seen."""
+def _backwards(response: Response) -> tuple[Matrix, Matrix]:
+    """(W, n, n) and (W, n): A and b of a disturbance before each entry, last entry first."""
     steps, n = response.steps, response.steps.error.shape[1]
     A: Matrix = np.zeros((n, n))
     b = np.zeros(n)
@@ -36,8 +36,29 @@ def _moved(response: Response) -> float:
         A, b, row = G.T @ G + F.T @ A @ F, G.T @ e + F.T @ b, row - dof
         informations.append(A)
         matched.append(b)
-    lengths, V = np.linalg.eigh(np.array(informations))
-    y2 = np.einsum("wji,wj->wi", V, np.array(matched)) ** 2
+    return np.array(informations), np.array(matched)
+
+
+def _filtered(response: Response, filtered: Matrix) -> tuple[Matrix, Matrix]:
+    """The same where the innovations have been through a filter: the means themselves go through it."""
+    steps, W, row = response.steps, len(response), len(response.e)
+    means: Matrix = np.zeros((W, row, steps.error.shape[1]))
+    for k in range(W - 1, -1, -1):
+        dof = int(response.dof[k])
+        if k < W - 1:
+            means[k, row:] = means[k + 1, row:] @ steps.error[k]
+        row -= dof
+        means[k, row : row + dof] = steps.from_error[k, :dof]
+    seen = np.matmul(filtered, means)
+    return np.einsum("wei,wej->wij", seen, seen), np.einsum("wei,e->wi", seen, response.e)
+
+
+def _moved(response: Response) -> float:
+    """Best score of a sudden change of the state, in any direction that is seen."""
+    way = response.filtered
+    informations, matched = _backwards(response) if way is None else _filtered(response, way)
+    lengths, V = np.linalg.eigh(informations)
+    y2 = np.einsum("wji,wj->wi", V, matched) ** 2
     seen = lengths > RANK * lengths[:, -1:]
     each = np.where(seen, 0.5 * y2 / np.where(seen, lengths, 1.0) - unforeseen(1.0), 0.0)
     return float(np.max(np.sum(np.maximum(each, 0.0), axis=1)) - np.log(len(response)))

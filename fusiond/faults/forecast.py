@@ -55,11 +55,16 @@ def errors_of(fit: Fit, response: Response) -> tuple[Matrix, Matrix]:
     return reading, driving
 
 
-def worst_error(fit: Fit) -> dict[Suspect, float]:
-    """Largest error the fitted fault makes in the window, of each channel and input it sits in, in its unit."""
+def worst_error(fit: Fit, doubts: float = 0.0) -> dict[Suspect, float]:
+    """Largest error the fitted fault makes in the window, of each channel and input it sits in, in its unit.
+
+    Args:
+        doubts: standard deviations by which every size is taken to be smaller than it looks.
+    """
     response = fit.ground.response
+    size = np.maximum(np.abs(fit.size) - doubts * np.sqrt(np.diagonal(fit.covariance)), 0.0)
     reading, driving = errors_of(fit, response)
-    f, g = np.abs(reading @ fit.size)[fit.onset :], np.abs(driving @ fit.size)[fit.onset :]
+    f, g = np.abs(reading)[fit.onset :] @ size, np.abs(driving)[fit.onset :] @ size
     if fit.kind is Kind.DRIFT:
         since_s = response.t_s[fit.onset :, np.newaxis] - response.t_s[fit.onset]
         f, g = f * since_s, g * since_s

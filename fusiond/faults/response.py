@@ -59,6 +59,7 @@ class Response:
         carried: (n, J) error of the estimate each impulse has caused by the window's end.
         raw: (W, m) column of an error of each raw channel;   held: (W, k) of each input; -1: none.
         h, hdot: (W, m) predicted raw reading and its rate, 1/s.   steps: as above.
+        filtered: (E, E) what e and impulses have been through since (`tolerate`); None: nothing.
     """
 
     t_ns: Integers
@@ -77,6 +78,7 @@ class Response:
     h: Matrix
     hdot: Matrix
     steps: Steps
+    filtered: Matrix | None = None
 
     def __len__(self) -> int:
         """Entries of the window."""
