@@ -180,8 +180,8 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     learns_silence (whether that may grow).
     heard: (s, f) whether filter f hears sensor s; alone: (f,) whether it hears no other; spares: (f,) whether it leaves
     one out.   protected: (q,) error slots with a protection level; quantile: of it, in deviations.   angle: (states,)
-    whether a state is an angle, rad.   without_var: (s, m) variances of an input while its sensor is silent or excluded, 0 where
-    the last value holds on.   tests: faults.records.
+    whether a state is an angle, rad.   without_var: (s, m) variances of an input while its sensor is silent or
+    excluded, 0 where the last value holds on.   tests: faults.records.
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
     quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
     """
