@@ -109,13 +109,15 @@ def check(config: ConfigPath, as_json: Json = False, part: Part = None) -> None:
     """Validate a configuration and print what is derived from it."""
     from fusiond.assembly.summary import summary
     from fusiond.cli.configuring import load
-    from fusiond.cli.views import show_check
+    from fusiond.cli.diagnosability_view import show_diagnosability
+    from fusiond.cli.views import console, show_check
 
     result = summary(load(config, part))
     if as_json:
         _emit(result)
     else:
         show_check(result)
+        show_diagnosability(result, console)
 
 
 @app.command()
@@ -203,6 +205,19 @@ def import_(
         _emit(asdict(imported))
     else:
         show_import(imported, out)
+
+
+@app.command()
+def report(
+    run: RunPath,
+    out: Annotated[Path, typer.Option("--out", "-o", help="HTML file to write.", show_default=False)],
+    truth: Annotated[Path | None, typer.Option(help="CSV to compare with: t_s and names of states.")] = None,
+) -> None:
+    """Pictures and tables of a run, as one HTML file that needs nothing else."""
+    from fusiond.cli.reporting import write_report
+
+    size = write_report(run, out, truth)
+    typer.echo(f"{out}: {size / 1e3:,.0f} kB")
 
 
 @app.command()

@@ -65,9 +65,13 @@ def test_a_declared_dependency_is_imported(name):
     )
 
 
-@pytest.mark.parametrize(("folder", "extras"), [("fusiond", ()), ("tools", ("test",)), ("tests", ("test",))])
+@pytest.mark.parametrize(
+    ("folder", "extras"), [("fusiond", ("report",)), ("tools", ("test",)), ("tests", ("test",))]
+)
 def test_an_imported_package_is_declared(folder, extras):
-    """The package needs its run-time dependencies only; tools and tests may use the oracles of `test`."""
+    """The package needs its run-time dependencies, and `report` for pictures (the import contract "matplotlib" says
+    where); tools and tests may use the oracles of `test`.
+    """
     foreign = imported(folder) - sys.stdlib_module_names - {"fusiond", "tools", "tests", "packaging"}
     allowed = {canonicalize_name(r.name) for r in [*RUNTIME, *(r for extra in extras for r in EXTRAS[extra])]}
     assert distributions_of(foreign) <= allowed
