@@ -1,0 +1,122 @@
+"""Single bad samples change nothing; ten in a row do; what is no number never gets in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fusiond.types import Health, Kind, Verdict
+from tests.scenarios.faults.drive import lasting, scene
+
+
+def between(log, layout, sensor, start_s, end_s):
+    """Rows of a sensor's readings in an interval, end included."""
+    mine = log["sensor"] == layout.numbers[sensor]
+    return np.flatnonzero(mine & (log["t_ns"] >= lasting(start_s)) & (log["t_ns"] <= lasting(end_s)))
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds", "fault", "sensor"),
+    [
+        ("minicar", 20.0, "ultrasonic.spike=0.5@10", "ultrasonic"),
+        ("three_positions", 60.0, "y2.spike=1@30", "y2"),
+        ("three_positions", 60.0, "y2.spike=-100@30", "y2"),
+        ("reference_plant", 300.0, "y2.spike=10@150", "y2"),
+        ("plane", 30.0, "gyro.spike=3@15", "gyro"),
+        ("plane", 30.0, "gps.0.spike=707@15", "gps"),
+        ("minicar", 20.0, "ultrasonic.nan@10+0.04", "ultrasonic"),
+        ("minicar", 20.0, "accelerometer.nan@10+0.001", "accelerometer"),
+    ],
+)
+def test_one_bad_sample_changes_no_flag(name, seconds, fault, sensor):
+    """One spike, or one reading that is no number, is not used, and its sensor stays (F9, F13)."""
+    run = scene(name).drive(seconds, [fault])
+    assert not run.blamed(sensor), run.story()
+    assert run.last(sensor).health is Health.HEALTHY
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds", "fault", "sensor", "by_s", "well_s"),
+    [
+        ("minicar", 30.0, "ultrasonic.spike=0.5@10+0.3", "ultrasonic", 10.1, 20.4),
+        ("three_positions", 60.0, "y2.spike=1@30+1", "y2", 30.2, 41.0),
+        ("plane", 30.0, "gyro.spike=3@15+0.1", "gyro", 15.1, 25.1),
+        ("minicar", 30.0, "ultrasonic.nan@10+0.3", "ultrasonic", 10.1, 20.3),
+    ],
+)
+def test_ten_bad_samples_do_and_recovery_takes_no_ten_seconds(name, seconds, fault, sensor, by_s, well_s):
+    """Ten in a row: flagged within 0.1 s (of 10 Hz: three readings), healthy 10 s after the last (F9)."""
+    run = scene(name).drive(seconds, [fault])
+    assert run.named(sensor).at_s <= by_s, run.story()
+    assert run.last(sensor).health is Health.HEALTHY
+    assert max(turn.at_s for turn in run.turns(sensor)) <= well_s
+
+
+def test_a_single_jump_of_707_m_moves_the_estimate_by_less_than_a_metre():
+    """One fix 707 m away: the position stays within 1.04 m of a run that never had it (F1)."""
+    clean, run = scene("plane").drive(30.0), scene("plane").drive(30.0, ["gps.0.spike=707@15"])
+    assert np.max(np.abs(run.value("x") - clean.value("x"))) <= 1.04
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("sensor", ["y2", "y3"])
+def test_what_is_no_number_is_refused_and_the_output_stays_finite(value, sensor):
+    """NaN and infinities: every one refused by name, garbage after three, every estimate finite (F13)."""
+
+    def change(log, layout):
+        log["z"][between(log, layout, sensor, 30.0, 35.0), 0] = value
+        return log
+
+    run = scene("three_positions").drive(60.0, change=change)
+    rows = (run.reports["sensor"] == run.layout.numbers[sensor]) & (run.t_s >= 30.0) & (run.t_s <= 35.0)
+    assert set(run.reports["verdict"][rows]) == {Verdict.NON_FINITE}
+    assert np.isfinite(run.reports["x"]).all() and np.isfinite(run.reports["std"]).all()
+    assert run.named(sensor).kind is Kind.GARBAGE and run.named(sensor).at_s <= 30.3
+    assert run.last(sensor).health is Health.HEALTHY
+    assert not run.blamed("y1")
+
+
+@pytest.mark.parametrize("variance", [np.nan, np.inf, -1.0])
+def test_a_covariance_that_is_none_is_refused(variance):
+    """A reading whose own R is not a number, infinite or negative corrects nothing (F13, F18)."""
+
+    def change(log, layout):
+        rows = between(log, layout, "y2", 30.0, 30.0)
+        log["R"][rows, 0, 0] = variance
+        log["flags"][rows] |= 2
+        return log
+
+    run = scene("three_positions").drive(60.0, change=change)
+    assert np.sum(run.reports["verdict"] == Verdict.BAD_COVARIANCE) == 1
+    assert run.story() == "nobody was ever blamed"
+
+
+@pytest.mark.parametrize("variance", [1e-9, 1e300])
+def test_a_reading_that_says_it_is_perfect_or_knows_nothing_leaves_the_estimate_finite(variance):
+    """Own variances of 1e-9 m^2 and of 1e300 m^2 for 10 s: finite, positive, and within a metre of the truth (F18)."""
+
+    def change(log, layout):
+        rows = between(log, layout, "y2", 30.0, 40.0)
+        log["R"][rows, 0, 0] = variance
+        log["flags"][rows] |= 2
+        return log
+
+    run = scene("three_positions").drive(60.0, change=change)
+    assert np.isfinite(run.reports["x"]).all() and (run.reports["std"] >= 0.0).all()
+    assert run.worst("position", 30.0) < 1.0
+
+
+def test_ten_thousand_readings_a_second_take_no_more_memory_and_no_other_mean():
+    """A sensor that repeats its reading 1000 times in 0.1 s, 0.1 ms apart: the history stays as large as it was (F17)."""
+    stage = scene("three_positions")
+
+    def change(log, layout):
+        row = between(log, layout, "y2", 30.0, 30.0)[0]
+        burst = np.repeat(log[row : row + 1], 1000)
+        burst["t_ns"] += np.arange(1000) * 100_000
+        burst["z"][:, 0] += np.where(np.arange(1000) % 2, 0.05, -0.05)
+        return np.concatenate((log[:row], burst, log[row + 1 :]))
+
+    clean, run = stage.drive(60.0), stage.drive(60.0, change=change)
+    assert np.isfinite(run.reports["x"]).all()
+    assert abs(run.value("position")[-1] - clean.value("position")[-1]) < 0.1
