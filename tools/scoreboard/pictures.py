@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter
 
 from tools.pages.figures import figure
 
@@ -21,6 +22,11 @@ def _against(place: Axes, curve: Mapping[str, Sequence[Any]], at: str, bound: st
     place.legend(loc="upper right")
 
 
+def _ticks(place: Axes, at: Sequence[float]) -> None:
+    place.xaxis.set_minor_formatter(NullFormatter())
+    place.set_xticks(at, [f"{one:g}" for one in at])
+
+
 def delay(path: Path, curves: Curves) -> None:
     """Delay against size with the bound drawn in, delay against drift, probability of finding."""
     with figure(path, 10.0, 3.2) as drawn:
@@ -31,7 +37,8 @@ def delay(path: Path, curves: Curves) -> None:
             plant, name = curves["reference"], "reference plant"
             places[0].loglog(plant["d"], plant["bound"], ":", color=BOUND, lw=1.2, label=f"oracle, {name}")
             places[0].loglog(plant["d"], plant["delay"], "s:", color=OTHER, ms=4, label=f"fusiond, {name}")
-            places[0].legend(loc="upper right")
+            places[0].legend(loc="lower left", fontsize=7.0)
+        _ticks(places[0], (0.5, 1.0, 2.0, 4.0))
         places[0].set(title="bias", xlabel="steady whitened shift", ylabel="mean delay, readings")
         if "drift" in curves:
             _against(places[1], curves["drift"], "slope", "oracle CUSUM")
@@ -71,6 +78,7 @@ def promise(path: Path, curves: Curves) -> None:
             right.axvline(1.0 / 3.0, color=BOUND, lw=0.8, ls="--")
             right.legend(loc="lower right")
             right.set(xscale="log")
+            _ticks(right, (0.1, 0.2, 0.5, 1.0, 2.0))
         right.set(title="noise wrong, promised 10 000 samples", xlabel="measured / promised")
 
 
