@@ -12,7 +12,7 @@ from fusiond.types import Health
 from tools.scoreboard.plants import Floats, Plant
 from tools.scoreboard.watching import Records, readings_of
 
-NAMED = (int(Health.FAULTY), int(Health.EXCLUDED))
+NAMED = (int(Health.FAULTY), int(Health.EXCLUDED), int(Health.PROBATION))
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Verdict:
     """What was decided in one run, from the onset on; sensors by their place among those with readings.
 
     step: of the first name given, -1 without one.   named: who was named then.   size, std, onset: as told with it.
-    suspects: those suspect at the end who were told to be indistinguishable from one another.
+    suspects: those last told to be indistinguishable from one another.
     """
 
     step: int
@@ -42,8 +42,10 @@ def verdict_of(assembly: Assembly, reports: Records, onset: int) -> Verdict:
     """What the reports of one run say."""
     steps, numbers = places(assembly, reports)
     health = steps["health"][:, numbers]
-    mask = steps["suspects"][-1][numbers]
-    suspects = tuple(k for k in range(len(numbers)) if mask[k] and health[-1, k] == Health.SUSPECT)
+    told = (steps["suspects"][:, numbers] != 0) & (health == Health.SUSPECT)
+    told[:onset] = False
+    last = int(np.max(np.flatnonzero(told.any(axis=1)), initial=0))
+    suspects = tuple(int(k) for k in np.flatnonzero(told[last]))
     named = np.isin(health[onset:], NAMED).any(axis=1)
     if not named.any():
         return Verdict(-1, (), 0.0, 0.0, -1, suspects)
@@ -51,8 +53,8 @@ def verdict_of(assembly: Assembly, reports: Records, onset: int) -> Verdict:
     who = tuple(k for k in range(len(numbers)) if health[at, k] in NAMED)
     row, first = steps[at], numbers[who[0]]
     step_ns = int(steps["t_ns"][0])
-    told = round(int(row["fault_onset_ns"][first]) / step_ns) - 1
-    return Verdict(at, who, float(row["fault_size"][first]), float(row["fault_std"][first]), told, suspects)
+    began = round(int(row["fault_onset_ns"][first]) / step_ns) - 1
+    return Verdict(at, who, float(row["fault_size"][first]), float(row["fault_std"][first]), began, suspects)
 
 
 def judged(assembly: Assembly, engine: Engine, z: Floats, onset: int) -> list[Verdict]:
