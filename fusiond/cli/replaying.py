@@ -42,17 +42,18 @@ def replay_log(
         config_text = f"{lies.note}{config_text}"
     known = read_truth(truth, angles) if truth else None
     with ExitStack() as closing:
-        smoothing = closing.enter_context(Smoothing(assembly)) if smooth else None
+        engine = assembly.engine()
+        smoothing = closing.enter_context(Smoothing(assembly, engine)) if smooth else None
         writer = closing.enter_context(McapWriter(out, layout, config_text)) if out else None
         with working("compiling the filter (once for each configuration)"):
             assembly.prepare()
             if smoothing:
                 smoothing.tracer.prepare()
-        engine = assembly.engine()
+        given = source if lies is None else lies
         with counting(f"replay {log.name}") as progress:
             result = replay(
                 engine,
-                source if lies is None else lies,
+                given if smoothing is None else smoothing.pieces(given),
                 truth=known,
                 writer=writer,
                 progress=progress,
@@ -63,7 +64,7 @@ def replay_log(
         if lies is not None:
             result["injected"] = {"faults": [str(fault) for fault in lies.faults], "seed": seed}
             result["warnings"] += lies.warnings
-        return smoothing.add_to(result, engine, known, writer) if smoothing else result
+        return smoothing.add_to(result, known, writer) if smoothing else result
 
 
 def _lying(
@@ -80,13 +81,19 @@ def _lying(
 class Smoothing:
     """A smoother beside a replay; a context manager. Raises ConfigError where the configuration cannot be smoothed."""
 
-    def __init__(self, assembly: Assembly) -> None:
+    def __init__(self, assembly: Assembly, engine: Engine) -> None:
         from fusiond.assembly.retracing import injection_of, tracer_of
         from fusiond.recording.smoothing import Smoother
 
-        self._assembly = assembly
+        self._assembly, self._engine = assembly, engine
         self.tracer = tracer_of(assembly)
-        self.smoother = Smoother(self.tracer, assembly.design, injection_of(assembly))
+        self.smoother = Smoother(self.tracer, assembly.design, injection_of(assembly), engine.track)
+
+    def pieces(self, chunks: Iterable[NDArray[Any]]) -> Iterable[NDArray[Any]]:
+        """The log in pieces so small that the smoother sees decisions about faults in time."""
+        from fusiond.recording.smoothing_order import pieces
+
+        return pieces(chunks) if self._assembly.layout.shape.cells else chunks
 
     def __enter__(self) -> Smoothing:
         return self
@@ -95,20 +102,24 @@ class Smoothing:
         self.smoother.close()
 
     def add_to(
-        self, result: dict[str, Any], engine: Engine, truth: Truth | None, writer: McapWriter | None
+        self, result: dict[str, Any], truth: Truth | None, writer: McapWriter | None
     ) -> dict[str, Any]:
         """The result of the replay with `smoothed` beside it."""
         from fusiond.recording.smoothing_summary import summarise
 
         with working("smoothing"):
-            ended_in = self.smoother.finish()
-            sums = None if truth is None else TruthSums(engine.layout, truth, engine.outputs)
+            followed = self.smoother.finish()
+            layout = self._assembly.layout
+            sums = None if truth is None else TruthSums(layout, truth, self._engine.outputs)
             estimate_hz = self._assembly.config.recording.estimate_hz
             result["smoothed"] = summarise(
-                self.smoother, engine.layout, sums=sums, writer=writer, estimate_hz=estimate_hz
+                self.smoother, layout, sums=sums, writer=writer, estimate_hz=estimate_hz
             )
-        if ended_in != engine.state_sha256():
-            result["warnings"].append(
-                "smoothed: the run could not be followed bit for bit; what is smoothed is not quite this run"
+        if not followed:
+            why = (
+                "decisions about faults are taken in hindsight"
+                if layout.shape.cells
+                else "it could not be followed"
             )
+            result["warnings"].append(f"smoothed: not bit for bit the filter's own run; {why}")
         return result

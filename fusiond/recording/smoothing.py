@@ -14,6 +14,7 @@ from fusiond.engine.retrace.tracer import Tracer
 from fusiond.filters.smoother import Adjoint, before_channel, before_interval, end, smoothed
 from fusiond.recording.smoothing_order import InOrder, Shift
 from fusiond.recording.smoothing_tape import Tape
+from fusiond.types import Action
 
 Records = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -34,11 +35,15 @@ class Smoother:
     Args:
         tracer: before its first reading.   design: (1,) design record.
         inject: x [+] dx of one state, angles on the circle.
+        track: (1,) the engine's own, in which its decisions about faults stand.
+    A reading is taken as it is judged once its time is up (`InOrder`): a sensor that was excluded for having lied since
+    an onset has said nothing since then. To see decisions in time, give chunks of PIECE readings.
     """
 
-    def __init__(self, tracer: Tracer, design: Records, inject: Inject) -> None:
+    def __init__(self, tracer: Tracer, design: Records, inject: Inject, track: Records) -> None:
         self.segments = 0
-        self._tracer, self._inject = tracer, inject
+        self._tracer, self._inject, self._track = tracer, inject, track
+        self._reaction = track["reaction"].copy()
         self._n = tracer.layout.shape.errors
         self._order = InOrder(tracer.layout, design)
         self._passes = Tape(tracer.dtype)
@@ -56,19 +61,24 @@ class Smoother:
 
     def witness(self, readings: Records, reports: Records) -> None:
         """Take one chunk of the replay."""
+        jumps = bool(np.isin(reports["action"], (Action.RESET, Action.RETIMED)).any())
+        if not jumps:
+            self._reaction = self._track["reaction"].copy()
         for settled in self._order.add(readings, reports):
             if isinstance(settled, Shift):
                 self._tracer.shift(settled.shift_ns)
             else:
                 self._follow(settled)
+        self._reaction = self._track["reaction"].copy()
 
-    def finish(self) -> str:
-        """Smooth what was seen; returns the hash of the state the retraced run ended in, the engine's own."""
+    def finish(self) -> bool:
+        """Smooth what was seen; returns whether the retraced run ended in the engine's own state, bit for bit."""
         self._follow(self._order.rest())
+        followed = self._tracer.ends_like(self._track)
         adjoint = end(self._n)
         for block in self._passes.backwards():
             adjoint = self._walk_back(block, adjoint)
-        return self._tracer.state_sha256()
+        return followed
 
     def filtered(self) -> Iterator[Records]:
         """What the filter knew after each update, in the order of time: blocks with `t_ns`, `x`, `U`, `d`."""
@@ -80,7 +90,7 @@ class Smoother:
 
     def _follow(self, readings: Records) -> None:
         if len(readings):
-            self._passes.append(self._tracer.follow(readings))
+            self._passes.append(self._tracer.follow(readings, self._reaction))
 
     def _walk_back(self, block: Records, adjoint: Adjoint) -> Adjoint:
         """Smooth one block, newest update first; returns the adjoint before it."""

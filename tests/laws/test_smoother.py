@@ -184,4 +184,6 @@ def _full(_):
 
 def test_a_recursion_without_factors_is_refused_by_name():
     with pytest.raises(ConfigError, match=r"--smooth: .*recursion"):
-        smoothed_run(configured("reference_plant", {"filter": {"recursion": "conventional"}}), None)
+        smoothed_run(
+            configured("reference_plant", {"filter": {"recursion": "conventional"}, "faults": None}), None
+        )

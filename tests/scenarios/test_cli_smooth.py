@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -69,8 +70,30 @@ def test_people_read_both_in_one_table(command, drive):
     assert "mean NEES, smoothed" in said
 
 
+@pytest.fixture
+def walk(tmp_path):
+    """A minute at constant velocity: log and truth."""
+    simulation = simulate("constant_velocity", 0, 60.0)
+    write_log(tmp_path / "log.csv", simulation)
+    write_truth(tmp_path / "truth.csv", simulation.truth)
+    return tmp_path / "log.csv", tmp_path / "truth.csv"
+
+
+@pytest.mark.parametrize("fault", ["y1.bias=1@20+10", "y1.spike=3@20+0.1", "y1.broken@20+2"])
+def test_a_fault_is_smoothed_as_it_was_judged_in_the_end(command, walk, fault):
+    """A bias of ten deviations for 10 s, a spike, 2 s of silence: at most 1.15 times the RMSE without a fault."""
+    log, truth = walk
+    words = ("replay", log, CONFIGS / "constant_velocity.toml", "--truth", truth, "--smooth", "--json")
+    sound, faulty = (json.loads(command(*words, *more)[1]) for more in ((), ("--inject", fault)))
+    assert not [warning for warning in sound["warnings"] if "smoothed" in warning]
+    assert faulty["smoothed"]["segments"] == 1
+    for name, rmse in sound["smoothed"]["rmse"].items():
+        assert faulty["smoothed"]["rmse"][name] < 1.15 * rmse
+        assert faulty["smoothed"]["rmse"][name] < faulty["rmse"][name]
+
+
 def test_a_recursion_that_keeps_no_factors_is_refused(command, drive, tmp_path):
-    text = (CONFIGS / "minicar.toml").read_text(encoding="utf-8")
+    text = re.sub(r"\[faults\][^\[]*", "", MINICAR.read_text(encoding="utf-8"))
     config = tmp_path / "plain.toml"
     config.write_text(text + '\n[filter]\nrecursion = "conventional"\n', encoding="utf-8")
     status, _, err = command("replay", drive[0], config, "--smooth")

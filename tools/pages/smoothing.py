@@ -14,6 +14,7 @@ from fusiond.assembly.assembly import Assembly
 from fusiond.assembly.retracing import injection_of, tracer_of
 from fusiond.assembly.trial import Trial
 from fusiond.recording.smoothing import Smoother
+from fusiond.recording.smoothing_order import PIECE, pieces
 from fusiond.simulation.tables import Simulation
 from tools.pages.consistency import Case, Check
 from tools.pages.trials import Floats, Records, configured, merged, records
@@ -29,7 +30,7 @@ class Smoothed:
 
     Args:
         filtered: records of the retraced run (`pass_dtype`).   states: of `smoothed_dtype`.
-        segments: parts smoothed by themselves.   followed: the retraced run ended in the engine's own bytes.
+        segments: parts smoothed by themselves.   followed: the retraced run ended in the engine's own bits.
     """
 
     filtered: Records
@@ -44,18 +45,17 @@ class Smoothed:
         return np.asarray((U * self.filtered["d"][:, None, :]) @ np.swapaxes(U, 1, 2))
 
 
-def smoothed_run(assembly: Assembly, readings: Records, chunk: int = 4096) -> Smoothed:
+def smoothed_run(assembly: Assembly, readings: Records, chunk: int = PIECE) -> Smoothed:
     """Readings in arrival order through a fresh engine, watched and smoothed."""
     engine = assembly.engine()
-    smoother = Smoother(tracer_of(assembly), assembly.design, injection_of(assembly))
+    smoother = Smoother(tracer_of(assembly), assembly.design, injection_of(assembly), engine.track)
     try:
-        for begin in range(0, len(readings), chunk):
-            part = readings[begin : begin + chunk]
+        for part in pieces([readings], chunk):
             smoother.witness(part, engine.process(part))
-        ended_in = smoother.finish()
+        followed = smoother.finish()
         filtered = np.concatenate([block.copy() for block in smoother.filtered()])
         states = np.concatenate([block.copy() for block in smoother.smoothed()])
-        return Smoothed(filtered, states, smoother.segments, ended_in == engine.state_sha256())
+        return Smoothed(filtered, states, smoother.segments, followed)
     finally:
         smoother.close()
 

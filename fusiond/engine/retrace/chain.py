@@ -9,6 +9,9 @@ from fusiond.numerics.arrays import copy_matrix
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import Matrix
 
+NOTHING = -1
+"""Channels of a reading that was no update."""
+
 
 @kernel
 def begin_chain(work: Any) -> None:

@@ -10,10 +10,7 @@ from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import entry, kernel
 from fusiond.types import RESET
 
-from .chain import begin_chain
-
-NOTHING = -1
-"""Channels of a reading that was no update."""
+from .chain import NOTHING, begin_chain
 
 
 @kernel

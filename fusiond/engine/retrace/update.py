@@ -12,17 +12,28 @@ from fusiond.engine.step.update import correct as correct_only
 from fusiond.engine.step.update import innovate, load_noise
 from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import kernel
-from fusiond.numerics.ud import bierman_update, whiten
+from fusiond.numerics.ud import Matrix, Vector, bierman_update, whiten
+from fusiond.types import Verdict
+
+from .chain import NOTHING
+
+USED = int(Verdict.USED)
 
 
 @kernel
 def keep_channels(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Do the update of the centralized filter on a copy of its covariance; writes work.pass_*, but not x and F."""
+    """Do the update of the centralized filter on a copy of its covariance; writes work.pass_*, but not x and F.
+
+    Leaves the covariance before it in work.prior_U, prior_d.
+    """
     dof = design.dof[reading.sensor]
     innovate(track, design, work, CENTRAL, reading)
     load_noise(reading, design, work)
-    copy_matrix(track.U[CENTRAL], work.pass_U)
-    copy_vector(track.d[CENTRAL], work.pass_d)
+    for i in range(dof):
+        work.R_d[i] *= 1.0 + track.reaction.noise_excess[reading.sensor]
+    for U, d in ((work.prior_U, work.prior_d), (work.pass_U, work.pass_d)):
+        copy_matrix(track.U[CENTRAL], U)
+        copy_vector(track.d[CENTRAL], d)
     whiten(work.R_U, work.nu, work.H, dof)
     for j in range(ERRORS):
         work.dx[j] = 0.0
@@ -40,13 +51,13 @@ def keep_channels(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def is_what_was_kept(track: Any, work: Any) -> bool:
-    """Whether the centralized covariance is, bit for bit, that of the update that was kept."""
+def is_covariance(track: Any, U: Matrix, d: Vector) -> bool:
+    """Whether the centralized covariance has these factors, bit for bit."""
     for i in range(ERRORS):
-        if track.d[CENTRAL, i] != work.pass_d[i]:
+        if track.d[CENTRAL, i] != d[i]:
             return False
         for j in range(i + 1, ERRORS):
-            if track.U[CENTRAL, i, j] != work.pass_U[i, j]:
+            if track.U[CENTRAL, i, j] != U[i, j]:
                 return False
     return True
 
@@ -55,14 +66,18 @@ def is_what_was_kept(track: Any, work: Any) -> bool:
 def correct(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any) -> None:
     """The step's own update; of the centralized filter, what it did stays in work.pass_*.
 
-    An update that was not what these files know (another version of the step) stands apart from what came before.
+    A reading that the gate refused was no update. An update that was not what these files know (another version of the
+    step) stands apart from what came before.
     """
     if row == CENTRAL:
         predict(track, design, work, CENTRAL, reading.t_ns)
         keep_channels(track, design, work, reading)
     correct_only(track, design, work, row, reading, report)
     if row == CENTRAL:
-        if not is_what_was_kept(track, work):
+        if is_covariance(track, work.prior_U, work.prior_d):
+            if report.verdict != USED:
+                work.pass_channels = NOTHING
+        elif not is_covariance(track, work.pass_U, work.pass_d):
             work.pass_apart = 1
         copy_vector(track.x[CENTRAL], work.pass_x)
         copy_matrix(track.U[CENTRAL], work.pass_U)
