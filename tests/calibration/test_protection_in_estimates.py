@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from fusiond.assembly.assembly import Assembly
 from fusiond.engine.engine import Engine
 from fusiond.faults.protection import quantile
+from fusiond.recording.replay import replay
+from fusiond.recording.truth import Truth
 from tools.scoreboard.plants import REFERENCE, plant_of, sensed
 from tools.scoreboard.watching import assembled, readings_of
 
@@ -68,3 +70,19 @@ def test_the_deviation_alone_would_not_have_held() -> None:
     level, std = shares(2.0, judged=False, seed=20)
     assert lowest(std) > 3.0 * OUTSIDE
     assert np.mean(level) <= OUTSIDE
+
+
+def test_a_replay_with_truth_counts_them_and_ends_with_the_last_level() -> None:
+    """The summary's share is that of the reports, and `--json` shows it with the level of the last estimate."""
+    assembly = guarded()
+    plant = plant_of(assembly.config.model_dump())
+    z, states = plant.run(np.random.default_rng(5), 1, STEPS)
+    readings = readings_of(assembly, z)[0]
+    reports = assembly.engine().process(readings).copy()
+    values = states[0, :, :1] + 1.5 * np.sin(np.arange(STEPS))[:, None]  # a truth that is often far away
+    truth = Truth(readings["t_ns"][1::2], ("x1",), values, np.zeros(1, np.bool_))
+    said = replay(assembly.engine(), [readings], truth=truth).json_object()
+    error = np.abs(reports["x"][:, 0] - np.repeat(values[:, 0], 2))
+    assert said["outside"] == {"x1": np.mean(error > reports["protection"][:, 0])}
+    assert 0.0 < said["outside"]["x1"] < 1.0
+    assert said["final"]["protection"] == {"x1": reports["protection"][-1, 0]}
