@@ -43,7 +43,12 @@ def tolerate(response: Response, tolerance: Mapping[Suspect, float]) -> Response
     )
     e, impulses = filtered @ response.e, filtered @ response.impulses
     return replace(
-        response, e=e, impulses=impulses, gram=impulses.T @ impulses, matched=impulses.T @ e, filtered=filtered
+        response,
+        e=e,
+        impulses=impulses,
+        gram=impulses.T @ impulses,
+        matched=impulses.T @ e,
+        filtered=filtered,
     )
 
 
