@@ -118,7 +118,7 @@ class Pictures:
         shown = [lines.low[bins, 3 * k], lines.high[bins, 3 * k]]
         name = self.run.states.slots[k].name
         if truth is not None and name in truth.names:
-            known, covered = truth.at(self.run.origin_ns + np.int64(NANOSECONDS * lines.t_s(bins)))
+            known, covered = truth.at(self.run.origin_ns + (NANOSECONDS * lines.t_s(bins)).astype(np.int64))
             at = truth.names.index(name)
             values = np.where(covered, known[:, at], np.nan)
             if truth.angles[at]:

@@ -68,8 +68,12 @@ def panels(rows: int, columns: int, height: float) -> tuple[Figure, list[list[Ax
     return figure, [list(row) for row in axes]
 
 
-def mosaic(rows: list[list[str]], height: float) -> tuple[Figure, dict[str, Axes]]:
-    """A figure of named panels that share their times; a name in two columns is one wide panel."""
+def mosaic(rows: list[Any], height: float) -> tuple[Figure, dict[str, Axes]]:
+    """A figure of named panels that share their times; a name in two columns is one wide panel.
+
+    Args:
+        rows: lists of names, equally long.      height: of a row, inches.
+    """
     figure = Figure((WIDTH, len(rows) * height + 0.35), layout="constrained")
     axes: dict[str, Axes] = figure.subplot_mosaic(rows)
     last = axes[rows[-1][-1]]

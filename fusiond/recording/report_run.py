@@ -63,7 +63,8 @@ class RunReport:
         self.states.add(reports)
         self.health.add(t_ns, reports)
         self.commands.add(t_ns, reports)
-        for trace in (*self.sensors, *self.inputs):
+        traces: list[SensorTrace | InputTrace] = [*self.sensors, *self.inputs]
+        for trace in traces:
             mine = reports["sensor"] == trace.sensor.number
             if mine.any():
                 trace.add(t_ns[mine], reports[mine])

@@ -127,7 +127,9 @@ def test_a_run_is_drawn_without_truth(command, biased, tmp_path):
     status, out, _ = command("report", biased[0], "-o", tmp_path / "out.html")
     assert status == 0
     assert "out.html" in out
-    assert "--truth" not in Page((tmp_path / "out.html").read_text(encoding="utf-8")).words
+    drawn = (tmp_path / "out.html").read_text(encoding="utf-8")
+    Page(drawn)
+    assert "var(--truth)" not in drawn
 
 
 def test_what_is_no_run_is_refused_with_the_remedy(command, tmp_path):
