@@ -101,7 +101,8 @@ def test_a_reset_clears_faults_and_what_is_known_of_them():
         return np.concatenate((log[:at], event, log[at:]))
 
     run = stage.drive(300.0, ["y2.bias=8@150+20", "y2.bias=8@250"], change=reset)
-    assert run.named("y2").health is Health.EXCLUDED and run.named("y2").at_s < 160.0
+    assert run.named("y2").health is Health.EXCLUDED
+    assert run.named("y2").at_s < 160.0
     row = int(np.flatnonzero(run.reports["sensor"] == RESET)[0])
     assert not run.reports["health"][row:][run.t_s[row:] < 250.0].any(), run.story()
     rows = (run.reports["sensor"] == stage.layout.numbers["y2"]) & (run.t_s > 170.0) & (run.t_s < 250.0)
