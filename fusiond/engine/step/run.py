@@ -220,7 +220,7 @@ def run(
                     predict(spare_tracks[0], design[0], work, CENTRAL, reading.t_ns)
             elif reading.sensor == RESET:
                 report.action = restart(tracks[0], desk, design[0], marks)
-                place = first = desk.ring_first
+                place = first = desk.ring_first + desk.ring_count
             else:
                 place = take(tracks, desk, design[0], work, ring, marks, reading, report)
                 first = beginning(desk, place, report)
