@@ -12,17 +12,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from fusiond.errors import ConfigError
-from fusiond.types import Health, ServiceHealth
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-try:
-    import matplotlib as mpl
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-except ImportError as error:  # pragma: no cover
-    raise ConfigError(
-        "report: matplotlib is not installed, pictures need it; `pip install 'fusiond[report]'`"
-    ) from error
+from fusiond.types import Health, ServiceHealth
 
 LIGHT = {
     "ink": "#1b1f24", "line": "#1f5fbf", "truth": "#d9480e", "limit": "#868e97", "healthy": "#37a169",

@@ -17,8 +17,14 @@ def write_report(run: Path, out: Path, truth: Path | None = None) -> int:
     Args:
         run: recording of `run --record` or `replay --out`.      truth: CSV, compared with the states it names.
     """
-    from fusiond.cli.report_page import page
-
+    try:
+        from fusiond.cli.report_page import page
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] != "matplotlib":
+            raise
+        raise ConfigError(
+            "report: matplotlib is not installed, pictures need it; `pip install 'fusiond[report]'`"
+        ) from error
     if out.exists() and any(out.samefile(kept) for kept in (run, truth) if kept and kept.exists()):
         raise ConfigError(f"-o: {out} is what the report is made of; name another file")
     known = read_truth(truth, angles_of(McapFile(run))) if truth else None

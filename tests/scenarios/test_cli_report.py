@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -161,6 +162,16 @@ def test_reports_of_another_version_are_named(command, tmp_path):
     assert status == 2
     assert "lack or change jump" in err
     assert "fusiond replay" in err
+
+
+def test_without_matplotlib_the_remedy_is_named(command, biased, tmp_path, monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("fusiond.cli.report_")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
+    status, _, err = command("report", biased[0], "-o", tmp_path / "out.html")
+    assert status == 2
+    assert "pip install 'fusiond[report]'" in err
 
 
 def test_a_report_is_never_written_over_its_run(command, biased):
