@@ -257,7 +257,9 @@ def status(
 def why(
     sensor: Annotated[str, typer.Argument(help="Of the running configuration.", show_default=False)],
     name: Annotated[str | None, typer.Argument(help="Name of the configuration.")] = None,
-    at: Annotated[float | None, typer.Option("--at", help="Around this time, s; the last ones without it.")] = None,
+    at: Annotated[
+        float | None, typer.Option("--at", help="Around this time, s; the last ones without it.")
+    ] = None,
     last: Annotated[int, typer.Option("--last", help="Readings to tell of.", min=1, max=500)] = 12,
     connect: Endpoint = "tcp/127.0.0.1:7447",
     as_json: Json = False,
@@ -276,7 +278,9 @@ def why(
 
 @app.command()
 def watch(
-    name: Annotated[str | None, typer.Argument(help="Name of the configuration; any daemon without it.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Name of the configuration; any daemon without it.")
+    ] = None,
     connect: Endpoint = "tcp/127.0.0.1:7447",
     for_s: Annotated[float | None, typer.Option("--for", help="Seconds; until Ctrl-C without it.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON objects, one a line.")] = False,
