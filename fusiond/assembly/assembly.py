@@ -18,7 +18,7 @@ from fusiond.assembly.detection import Detection
 from fusiond.assembly.jacobians import check_jacobians
 from fusiond.assembly.modules import require
 from fusiond.assembly.observability import require_observable
-from fusiond.assembly.package import import_package, source_of, step_sources, write_package
+from fusiond.assembly.package import import_package, inject_file, source_of, step_sources, write_package
 from fusiond.assembly.plain import check_choices, plain_design, plain_sources
 from fusiond.assembly.protecting import protected, write_protection
 from fusiond.assembly.resolve import Resolved, by_key, resolve
@@ -61,8 +61,8 @@ class Assembly:
         ]
         law = source_of(resolved.law_module) if resolved.law_module else None
         process = source_of(resolved.process_module)
-        manifold = bool(resolved.process.errors)
-        files = step_sources(self.layout.shape, process, resolved.process.linear, manifold, law, sensors)
+        errors = inject_file(resolved.process)
+        files = step_sources(self.layout.shape, process, resolved.process.linear, errors, law, sensors)
         if self.layout.plain:
             files = plain_sources(self.config, files, linear=resolved.process.linear)
         return import_package(write_package(files))

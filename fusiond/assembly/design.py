@@ -9,6 +9,7 @@ from fusiond.assembly.observability import bears_a_filter
 from fusiond.assembly.plain import LOCAL, is_plain
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
 from fusiond.assembly.trial import Trial
+from fusiond.assembly.turning import fill_turning, guarded_slots
 from fusiond.config import InitialSection
 from fusiond.engine.layout import FilterLayout, Layout, SensorLayout
 from fusiond.engine.records import Shape, design_dtype
@@ -62,6 +63,7 @@ def shape_of(resolved: Resolved, filters: int) -> Shape:
         law_parameters=len(law.parameters) if law else 0,
         controls=len(law.controls) if law else 0,
         references=len(law.references) if law else 0,
+        guarded=len(guarded_slots(resolved)),
     )
 
 
@@ -205,4 +207,5 @@ def design_of(resolved: Resolved, layout: Layout) -> NDArray[np.void]:
     record["dead_reckoning_ns"] = nanoseconds(config.health.dead_reckoning_s)
     record["invalid_ns"] = nanoseconds(config.health.invalid_s)
     _control(resolved, record)
+    fill_turning(resolved, record)
     return design

@@ -25,10 +25,12 @@ import numpy as np
 import fusiond
 from fusiond.engine import records, step
 from fusiond.engine.step import sizes
+from fusiond.models.contract import Process
 
 SWAPPED = (
     "process.py", "observe.py", "law.py", "sizes.py", "advance.py", "advance_nonlinear.py", "inject.py",
-    "inject_manifold.py", "monitor_on.py", "protect.py", "protect_on.py",
+    "inject_manifold.py", "inject_turning.py", "monitor_on.py", "protect.py", "protect_on.py", "guard.py",
+    "guard_on.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
 STEADY = 20
@@ -78,28 +80,37 @@ def sizes_source(shape: records.Shape) -> str:
         "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises,
         "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
         "STEADY": STEADY if shape.cells else 0, "CELLS": shape.cells, "WINDOW": shape.window,
-        "PROTECTED": shape.protected,
+        "PROTECTED": shape.protected, "GUARDED": shape.guarded,
         "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
     }  # fmt: skip
     return "".join([f"{name} = {value}\n" for name, value in constants.items()])
 
 
+def inject_file(process: Process) -> str:
+    """The file of the template that adds errors to the state of this model."""
+    if process.turning is not None and process.turning.follows:
+        return "inject_turning.py"
+    return "inject_manifold.py" if process.errors else "inject.py"
+
+
 def step_sources(
-    shape: records.Shape, process: str, linear: bool, manifold: bool, law: str | None,
+    shape: records.Shape, process: str, linear: bool, errors: str, law: str | None,
     sensors: Sequence[tuple[str, str]],
 ) -> dict[str, str]:  # fmt: skip
     """Every file of one configuration's step, by name.
 
     Args:
         process, law: source text of the process model and of the control law (None: no control).
-        linear: the model is linear and time-invariant.   manifold: its state is no vector.
+        linear: the model is linear and time-invariant.
+        errors: file of the template that adds errors to its state (`inject_file`).
         sensors: for each sensor, a name for its model and the model's source text; ('', '') for an input.
     """
     template = folder_sources(step)
     files = {name: text for name, text in template.items() if name not in SWAPPED}
     files["advance.py"] = template["advance.py" if linear else "advance_nonlinear.py"]
-    files["inject.py"] = template["inject_manifold.py" if manifold else "inject.py"]
+    files["inject.py"] = template[errors]
     files["protect.py"] = template["protect_on.py" if shape.protected > 0 else "protect.py"]
+    files["guard.py"] = template["guard_on.py" if shape.guarded > 0 else "guard.py"]
     if shape.cells > 0:
         files["monitor.py"] = template["monitor_on.py"]
     else:

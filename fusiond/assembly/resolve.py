@@ -172,6 +172,8 @@ def resolve(config: Config, folder: Path) -> Resolved:
     require(module, ("discretise",) if process.linear else ("transition", "noise"), "model")
     if process.errors:
         require(module, ("add_error", "error_between"), "model")
+    if process.turning is not None and process.turning.follows:
+        require(module, ("turn_error",), "model")
     law, law_module = None, None
     if config.control is not None:
         chosen: Any = config.control

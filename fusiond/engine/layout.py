@@ -102,6 +102,10 @@ class Layout:
         """Sensor number by name."""
         return {sensor.name: sensor.number for sensor in self.sensors}
 
+    def named(self, bits: int) -> list[str]:
+        """Names of the error slots whose bits are set."""
+        return [slot.name for j, slot in enumerate(self.errors) if bits >> j & 1] if bits else []
+
     def sensor(self, name: str) -> SensorLayout | None:
         """The sensor of that name, None where the configuration has none."""
         number = self.numbers.get(name)

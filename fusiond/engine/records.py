@@ -48,6 +48,7 @@ class Shape:
         controls, references: numbers of the command and of the reference (0 without control).
         cells: of the bank of fault signatures; 0 without fault detection.   window: readings its evidence reaches back.
         protected: error slots with a protection level.
+        guarded: g, states that are not learned while they cannot be observed.
     """
 
     states: int
@@ -66,6 +67,7 @@ class Shape:
     cells: int = 0
     window: int = 1
     protected: int = 0
+    guarded: int = 0
 
     @property
     def monitor(self) -> np.dtype[Any]:
@@ -110,6 +112,7 @@ def report_dtype(shape: Shape) -> np.dtype[Any]:
     slots: what leads from the estimate before to the one after).
     protection: levels of the protected slots (faults.protection), infinite before the first reading; the field is there
     only where any is protected.
+    unobserved: guarded states that nothing teaches now, bit j for slot j of the error.
     """
     m, s, k, q = shape.payload, shape.sensors, shape.controls, shape.protected
     return record(
@@ -118,7 +121,7 @@ def report_dtype(shape: Shape) -> np.dtype[Any]:
         ("z", "<f8", (m,)), ("nu", "<f8", (m,)), ("S", "<f8", (m,)), ("e", "<f8", (m,)),
         ("R_used", "<f8", (m,)), ("R_declared", "<f8", (m,)), ("nis", "<f8"), ("limit", "<f8"),
         ("state_t_ns", "<i8"), ("x", "<f8", (shape.states,)), ("std", "<f8", (shape.errors,)),
-        ("resets", "<i8"), ("jump", "<f8", (shape.errors,)),
+        ("resets", "<i8"), ("jump", "<f8", (shape.errors,)), ("unobserved", "<i8"),
         ("fault", "<i4", (s,)), ("fault_channel", "<i4", (s,)), ("fault_size", "<f8", (s,)), ("fault_std", "<f8", (s,)),
         ("fault_onset_ns", "<i8", (s,)), ("suspects", "<u8", (s,)), ("model", "<i4"),
         ("command_due", "<i4"), ("command_valid", "<i4"), ("command", "<f8", (k,)),
@@ -136,11 +139,12 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     included; sensor_z: its last used one.   gap_from_ns, gap_to_ns: its last silence that was longer than healthy;
     longest_gap_ns: of late;   live: whether its arrivals are known.   resets, jump: as in the report.
     reaction, monitor: faults.records.
+    learned: of each guarded state, the part of its variance that readings took away lately, as of learned_ns.
     """
     n, f, s, m, ni = shape.errors, shape.filters, shape.sensors, shape.payload, shape.inputs
     return record(
         ("started", "<i8"), ("t_ns", "<i8"), ("start_ns", "<i8"), ("update_ns", "<i8"), ("resets", "<i8"),
-        ("jump", "<f8", (n,)),
+        ("jump", "<f8", (n,)), ("learned", "<f8", (shape.guarded,)), ("learned_ns", "<i8"),
         ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, shape.states)), ("U", "<f8", (f, n, n)), ("d", "<f8", (f, n)),
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
@@ -182,6 +186,9 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     one out.   protected: (q,) error slots with a protection level; quantile: of it, in deviations.   angle: (states,)
     whether a state is an angle, rad.   without_var: (s, m) variances of an input while its sensor is silent or
     excluded, 0 where the last value holds on.   tests: faults.records.
+    free: (s,) whether turning the world about the vertical leaves all readings of a sensor as they are.   heading: slot
+    of that angle.   turns_to, turns_by: (n,) where a slot's part goes when the world turns by a right angle, and its
+    sign; -1: it stays.   guarded: (g,) slots.
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
     quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
     """
@@ -198,6 +205,8 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("spares", "<i4", (shape.filters,)), ("protected", "<i8", (shape.protected,)), ("quantile", "<f8"),
         ("tests", tests_dtype(sensors=s, cells=shape.cells)),
         ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)), ("learns_silence", "<i8", (s,)),
+        ("free", "<i4", (s,)), ("heading", "<i8"), ("turns_to", "<i8", (n,)), ("turns_by", "<f8", (n,)),
+        ("guarded", "<i8", (shape.guarded,)),
         ("step_ns", "<i8"), ("max_step_ns", "<i8"), ("horizon_ns", "<i8"), ("ahead_ns", "<i8"), ("resync", "<i8"),
         ("quiet_ns", "<i8"),
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
@@ -221,7 +230,8 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
         ("rho", "<f8", (shape.cells,)), ("gain", "<f8", (shape.cells,)), ("kept_x", "<f8", (shape.states,)),
         ("kept_d", "<f8", (n,)), ("kept_U", "<f8", (n, n)), ("spare", reading_dtype(m), (1,)),
         ("window", window_dtype(n, m, ni), (shape.window,)),
-        ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("dx", "<f8", (n,)),
+        ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("dx", "<f8", (n,)), ("J", "<f8", (n, n)),
+        ("through", "<f8", (shape.guarded,)), ("withheld", "<f8", (n,)),
         ("cache_dt_ns", "<i8", (CACHE,)), ("cache_F", "<f8", (CACHE, n, n)), ("cache_B", "<f8", (CACHE, n, ni)),
         ("cache_c", "<f8", (CACHE, n)),
         ("cache_G", "<f8", (CACHE, n, q)), ("cache_q", "<f8", (CACHE, q)),

@@ -10,6 +10,9 @@ otherwise
 and, where the state is no vector (Process.errors given),
     add_error(x, dx, p)                          x <- x [+] dx, in place
     error_between(x, y, p, dx)                   writes dx with x [+] dx = y
+and, where vectors of the world turn with the heading (Process.turning.follows),
+    turn_error(x, dx, p, J)                      x <- x [+] dx where they do; J, the identity, becomes what that does to
+                                                 the error, unit upper triangular
 and, with outputs,
     derive(x, p, y)                              writes the derived outputs
 A sensor model file has
@@ -39,6 +42,25 @@ def by_name(slots: tuple[Slot, ...], name: str) -> Slot:
 
 
 @dataclass(frozen=True, slots=True)
+class Turning:
+    """What turns when the world is turned about the vertical: the heading, and with it every horizontal vector.
+
+    Nothing that a body measures on itself can tell one such world from another. In the slots of the error:
+
+    Args:
+        heading: the angle about the vertical, rad.   pairs: horizontal vectors in the axes of the world.
+        guarded: what is learned through the heading, itself included, and guarded unless the configuration says
+            otherwise (fusiond.engine.step.guard_on).
+        follows: the model has `turn_error`.
+    """
+
+    heading: str
+    pairs: tuple[tuple[str, str], ...]
+    guarded: tuple[str, ...] = ()
+    follows: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Process:
     """A process model, described.
 
@@ -52,6 +74,7 @@ class Process:
         angles: names of states that live on a circle, rad.    outputs: derived outputs that `derive` writes.
         step_s: the model is discrete and knows only whole multiples of this step; 0 for continuous time.
         max_step_s: longest interval one transition may span (a coarser prediction is split); 0 unlimited.
+        turning: what turns with the world; None where the model knows no heading.
     """
 
     states: tuple[Slot, ...]
@@ -65,6 +88,7 @@ class Process:
     max_step_s: float = 0.0
     errors: tuple[Slot, ...] = ()
     origin: tuple[float, ...] = ()
+    turning: Turning | None = None
 
     @property
     def error_slots(self) -> tuple[Slot, ...]:

@@ -10,6 +10,11 @@ The error state is (position, velocity, biases, attitude): q = exp(theta) (x) q_
 of the local frame (the global error of Sola 2017, section 7), so that attitude_z is the error of the heading, and the
 transition from attitude to attitude is the identity. rate_x, rate_y, rate_z are the angular rate as last measured, the
 bias still in it: what sensors off the IMU and at standstill need; they have no error of their own.
+
+A reading in the axes of the body (wheels, the rate) does not say where north is: position and velocity turn with the
+attitude it corrects, and their errors with them, so that turning the world stays exactly as unobservable as it is. That
+is the right-invariant error of Barrau & Bonnabel 2017 (IEEE TAC 62), written as a reset of this one. A reading in the
+axes of the world (GNSS) holds position and velocity where it sees them.
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from fusiond.models.contract import Process
+from fusiond.models.contract import Process, Turning
 from fusiond.models.rigid import mounting
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.quaternion import (
@@ -95,6 +100,12 @@ def describe(
         ),
         outputs=(Slot("roll", "rad"), Slot("pitch", "rad"), Slot("yaw", "rad")),
         max_step_s=max_step_s,
+        turning=Turning(
+            heading="attitude_z",
+            pairs=(("x", "y"), ("vx", "vy")),
+            guarded=("gyro_bias_x", "gyro_bias_y", "gyro_bias_z", "attitude_z"),
+            follows=True,
+        ),
     )
 
 
@@ -187,6 +198,34 @@ def add_error(x: Vector, dx: Vector, p: Vector) -> None:
     for i in range(ATTITUDE):
         x[i] += dx[i]
     turn_in_world(x, ATTITUDE, dx[ATTITUDE], dx[ATTITUDE + 1], dx[ATTITUDE + 2])
+
+
+@kernel
+def turn_error(x: Vector, dx: Vector, p: Vector, J: Matrix) -> None:
+    """Position and velocity move by V(theta) dx, V = J_l the left Jacobian of SO(3): the exponential of SE_2(3).
+
+    J: their errors, less theta x (position, velocity), are those of before: block -[V dx]x from attitude to each.
+    """
+    theta = (dx[ATTITUDE], dx[ATTITUDE + 1], dx[ATTITUDE + 2])
+    angle = math.sqrt(theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2])
+    first, second = half_versine(angle), sine_rest(angle)
+    for at in range(0, V + 3, 3):
+        step = (dx[at], dx[at + 1], dx[at + 2])
+        once = cross(theta, step)
+        twice = cross(theta, once)
+        moved = (
+            step[0] + first * once[0] + second * twice[0],
+            step[1] + first * once[1] + second * twice[1],
+            step[2] + first * once[2] + second * twice[2],
+        )
+        for i in range(3):
+            x[at + i] += moved[i]
+            turned_error = cross(unit(i), moved)
+            for k in range(3):
+                J[at + k, ATTITUDE + i] = turned_error[k]
+    for i in range(V + 3, ATTITUDE):
+        x[i] += dx[i]
+    turn_in_world(x, ATTITUDE, theta[0], theta[1], theta[2])
 
 
 @kernel

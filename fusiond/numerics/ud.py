@@ -81,6 +81,36 @@ def ud_variance(U: Matrix, d: Vector, i: int) -> float:
 
 
 @kernel
+def ud_covariance(U: Matrix, d: Vector, i: int, j: int) -> float:
+    """Element (i, j) of U diag(d) U'."""
+    low, high = (i, j) if i < j else (j, i)
+    if low == high:
+        return ud_variance(U, d, i)
+    total: float = U[low, high] * d[high]
+    for k in range(high + 1, d.shape[0]):
+        total += U[low, k] * U[high, k] * d[k]
+    return total
+
+
+@kernel
+def ud_add(U: Matrix, d: Vector, a: Vector, c: float) -> None:
+    """U diag(d) U' <- U diag(d) U' + c a a', c >= 0, in place; a is destroyed.
+
+    Source: Agee & Turner 1972; Bierman 1977, section III.5. Law: tests/laws/test_unobserved.py.
+    """
+    for j in range(d.shape[0] - 1, -1, -1):
+        old = d[j]
+        d[j] = old + c * a[j] * a[j]
+        if not d[j] > 0.0:
+            continue
+        share = c * a[j] / d[j]
+        for i in range(j):
+            a[i] -= a[j] * U[i, j]
+            U[i, j] += share * a[i]
+        c *= old / d[j]
+
+
+@kernel
 def ud_projected(U: Matrix, d: Vector, h: Vector) -> float:
     """Variance h' U diag(d) U' h of the number h'x."""
     n = d.shape[0]

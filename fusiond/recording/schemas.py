@@ -6,6 +6,7 @@ import json
 
 TIME = {"type": "number", "description": "time of the message's own clock, s"}
 NUMBERS = {"type": "array", "items": {"type": "number"}}
+NAMES = {"type": "array", "items": {"type": "string"}}
 NAMED = {"type": "object", "additionalProperties": {"type": "number"}}
 SEQ = {"type": "integer"}
 
@@ -21,7 +22,7 @@ PROPERTIES: dict[str, dict[str, object]] = {
     "fusiond.Instant": {"t": TIME, "t_ns": {"type": "integer"}, "arrival_ns": {"type": "integer"}},
     "fusiond.Estimate": {
         "t": TIME, "seq": SEQ, "epoch": {}, "resets": SEQ, "jump": NAMED, "state": NAMED, "std": NAMED,
-        "health": {"type": "string"}, "protection": {},
+        "health": {"type": "string"}, "unobserved": NAMES, "protection": {},
     },
     "fusiond.Control": {
         "t": TIME, "seq": SEQ, "epoch": {}, "u": NAMED, "valid": {"type": "boolean"},
@@ -29,7 +30,7 @@ PROPERTIES: dict[str, dict[str, object]] = {
     },
     "fusiond.Health": {
         "t": TIME, "seq": SEQ, "service": {"type": "string"}, "sensors": {"type": "object"},
-        "faults": {"type": "object"}, "model": {"type": "boolean"},
+        "faults": {"type": "object"}, "model": {"type": "boolean"}, "unobserved": NAMES,
     },
     "fusiond.Event": {
         "t": TIME, "t_ns": {"type": "integer"}, "epoch": {}, "id": {}, "sensor": {},

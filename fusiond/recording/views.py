@@ -15,7 +15,7 @@ from fusiond.types import NANOSECONDS, ServiceHealth, seconds
 
 
 def estimate_message(layout: Layout, report: Any, seq: int, epoch: str) -> dict[str, Any]:
-    """The estimate after one report: `{t, seq, epoch, resets, jump{}, state{}, std{}, health}`, and
+    """The estimate after one report: `{t, seq, epoch, resets, jump{}, state{}, std{}, health, unobserved[]}`, and
     `protection{}` where it was asked for.
     """
     names, errors = [slot.name for slot in layout.states], [slot.name for slot in layout.errors]
@@ -29,6 +29,7 @@ def estimate_message(layout: Layout, report: Any, seq: int, epoch: str) -> dict[
         "state": dict(zip(names, map(number_json, report["x"]), strict=False)),
         "std": dict(zip(errors, map(number_json, report["std"]), strict=False)),
         "health": ServiceHealth(int(report["service"])).label,
+        "unobserved": layout.named(int(report["unobserved"])),
     } | protection_part(layout, report)
 
 

@@ -34,6 +34,7 @@ class EstimateMessage:
     """Estimates of one layout."""
 
     def __init__(self, layout: Layout) -> None:
+        self._layout = layout
         self._names = [slot.name for slot in layout.states]
         self._errors = [slot.name for slot in layout.errors]
         self._protected = [slot.name for slot in layout.protected]
@@ -41,6 +42,7 @@ class EstimateMessage:
     def content(
         self, t_ns: int, seq: int, epoch: int, resets: int, jump: Sequence[float], x: Sequence[float],
         std: Sequence[float], service: int, outputs: Mapping[str, float] | None, protection: Sequence[float] = (),
+        unobserved: int = 0,
     ) -> Message:  # fmt: skip
         """One estimate; `outputs` (numbers derived from the state) stand in it where the model has any.
 
@@ -48,6 +50,7 @@ class EstimateMessage:
             resets, jump: how often the state was set anew, and what led from the estimate before the last time to
                 the one after: whoever follows the estimate shifts by it when `resets` has grown by one.
             protection: levels of the protected states; null goes out where nothing limits the error.
+            unobserved: guarded states that nothing teaches now, as the report has them; the message names them.
         """
         sound = math.isfinite(sum(x) + sum(std))
         message: Message = {
@@ -56,6 +59,7 @@ class EstimateMessage:
             "state": dict(zip(self._names, x, strict=True)) if sound else {},
             "std": dict(zip(self._errors, std, strict=True)) if sound else {},
             "health": SERVICE_LABELS[service] if sound else INVALID,
+            "unobserved": self._layout.named(unobserved),
         }  # fmt: skip
         if sound and outputs is not None:
             message["outputs"] = outputs
@@ -93,15 +97,17 @@ class ControlMessage:
 
 def health_message(
     t_ns: int, seq: int, epoch: int, service: int, sensors: Mapping[str, int],
-    faults: Mapping[str, FaultObject], model: bool,
+    faults: Mapping[str, FaultObject], model: bool, unobserved: Sequence[str],
 ) -> Message:  # fmt: skip
     """Health of the service and of every sensor, by name.
 
     Args:
         faults: what is wrong, of the sensors with which anything is.   model: whether the model is thought wrong.
+        unobserved: guarded states that nothing teaches now, and which are therefore not learned.
     """
     labels = {name: HEALTH_LABELS[health] for name, health in sensors.items()}
     parts = {"service": SERVICE_LABELS[service], "sensors": labels, "faults": faults, "model": model}
+    parts["unobserved"] = list(unobserved)
     return head(t_ns, seq, epoch) | parts
 
 

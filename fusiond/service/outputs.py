@@ -65,6 +65,7 @@ class Outputs:
         # Places at the end for events, whose sensor numbers are negative.
         self._updating = [sensor.role == Role.UPDATE for sensor in layout.sensors] + [False for _ in EVENTS]
         self._update_ns: int | None = None
+        self._unobserved = 0
         estimate, control = (
             (output_record.ESTIMATE_ENCODING, output_record.CONTROL_ENCODING) if packed else (JSON, JSON)
         )
@@ -119,7 +120,10 @@ class Outputs:
             sensor.name: fault for sensor in self.layout.sensors if (fault := watch.faults[sensor.number])
         }
         seq = self._next("health")
-        message = health_message(t_ns, seq, self.epoch, watch.service, sensors, faults, watch.model)
+        unobserved = self.layout.named(self._unobserved)
+        message = health_message(
+            t_ns, seq, self.epoch, watch.service, sensors, faults, watch.model, unobserved
+        )
         self._put_json("health", message, t_ns)
 
     def look_who_asks(self) -> None:
@@ -127,7 +131,7 @@ class Outputs:
         self._asked = [i for i, publisher in enumerate(self._reports) if is_heard(publisher)]
 
     def _reset(self, raw: bytes, k: int, t_ns: int, service: int) -> None:
-        resets, jump = self._rows.state(raw, k)[2:]
+        resets, jump = self._rows.state(raw, k)[2:4]
         named = {slot.name: size for slot, size in zip(self.layout.errors, jump, strict=True)}
         message = reset_event(t_ns, self._next("event"), self.epoch, service, resets, named)
         self._put_json("event", message, t_ns)
@@ -137,11 +141,12 @@ class Outputs:
         goes_down = self._say is not None and self._record_hz > 0 and self._record_limit.passes(t_ns)
         if not (goes_out or goes_down):
             return
-        x, std, resets, jump = self._rows.state(raw, k)
+        x, std, resets, jump, self._unobserved = self._rows.state(raw, k)
         seq = self._next("estimate") if goes_out else self._seq["estimate"]
         derived = self._derived(np.array(x)) if self._derived else None
         message = self._estimate_message.content(
-            t_ns, seq, self.epoch, resets, jump, x, std, service, derived, self._rows.protection(raw, k)
+            t_ns, seq, self.epoch, resets, jump, x, std, service, derived, self._rows.protection(raw, k),
+            self._unobserved,
         )
         self.latest = message
         if goes_out and self._packed:

@@ -13,7 +13,7 @@ from fusiond.engine.layout import Layout
 
 CODES = {"<i8": "q", "<u8": "Q", "<i4": "i", "<f8": "d"}
 HEAD = ("t_ns", "sensor", "verdict", "action", "service", "state_t_ns", "command_due")
-STATE = ("x", "std", "resets", "jump")
+STATE = ("x", "std", "resets", "jump", "unobserved")
 COMMAND = ("command_valid", "command")
 
 
@@ -44,11 +44,11 @@ class ReportRows:
 
     def state(
         self, raw: bytes, k: int
-    ) -> tuple[tuple[float, ...], tuple[float, ...], int, tuple[float, ...]]:
-        """State, standard deviations, number of resets and last jump of report k."""
+    ) -> tuple[tuple[float, ...], tuple[float, ...], int, tuple[float, ...], int]:
+        """State, standard deviations, number of resets, last jump and unobserved states of report k."""
         numbers = self._state.unpack_from(raw, k * self.size)
         end = self._n + self._errors
-        return numbers[: self._n], numbers[self._n : end], numbers[end], numbers[end + 1 :]
+        return numbers[: self._n], numbers[self._n : end], numbers[end], numbers[end + 1 : -1], numbers[-1]
 
     def protection(self, raw: bytes, k: int) -> tuple[float, ...]:
         """Protection levels of report k; empty where none were asked for."""

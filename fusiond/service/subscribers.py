@@ -133,7 +133,7 @@ class TopicSubscriber:
 
 
 class EstimateSubscriber(TopicSubscriber):
-    """Follows `estimate`: `{t, t_ns, seq, epoch, resets, jump{}, state{}, std{}, health}`."""
+    """Follows `estimate`: `{t, t_ns, seq, epoch, resets, jump{}, state{}, std{}, health, unobserved[]}`."""
 
     def __init__(self, name: str, connect: str = DEFAULT_ENDPOINT, **others: Any) -> None:
         super().__init__(name, "estimate", connect, **others)

@@ -182,11 +182,11 @@ def test_rows_of_reports_are_the_fields_of_the_record(assembly):
     )
     reports["x"][1], reports["std"][1] = (1, 2, 3), (4, 5, 6)
     reports["command_valid"][1], reports["command"][1] = 1, 0.5
-    reports["resets"][1], reports["jump"][1] = 2, (7, 8, 9)
+    reports["resets"][1], reports["jump"][1], reports["unobserved"][1] = 2, (7, 8, 9), 4
     rows = ReportRows(assembly.layout)
     raw = rows.open(reports)
     assert list(rows.heads(raw)) == [(1, 0, 0, 0, 3, 5, 0), (2, -1, 0, 0, 1, 6, 0)]
-    assert rows.state(raw, 1) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 2, (7.0, 8.0, 9.0))
+    assert rows.state(raw, 1) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 2, (7.0, 8.0, 9.0), 4)
     assert rows.command(raw, 1) == (True, (0.5,))
 
 

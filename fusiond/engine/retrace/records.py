@@ -27,12 +27,13 @@ def pass_dtype(shape: Shape) -> np.dtype[Any]:
 
 
 def retrace_work_dtype(shape: Shape) -> np.dtype[Any]:
-    """The step's scratch, and `pass_*`: the update in progress, `prior_*`: the covariance before it, `once`: an F."""
+    """The step's scratch, and `pass_*`: the update in progress, J what it did to the error; `prior_*`: the covariance
+    before it, `once`: an F.
+    """
     n = shape.errors
     base: Any = work_dtype(shape)
     fields = [(name, base[name].base, base[name].shape) for name in base.names]
     more: Any = pass_dtype(shape)
     kept = [(f"pass_{name}", more[name].base, more[name].shape) for name in more.names]
-    return record(
-        *fields, *kept, ("prior_U", "<f8", (n, n)), ("prior_d", "<f8", (n,)), ("once", "<f8", (n, n))
-    )
+    own = (("prior_U", "<f8", (n, n)), ("prior_d", "<f8", (n,)), ("pass_J", "<f8", (n, n)), ("once", "<f8", (n, n)))
+    return record(*fields, *kept, *own)

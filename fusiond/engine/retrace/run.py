@@ -29,6 +29,8 @@ def hand_out(work: Any, kept: Any) -> None:
     copy_vector(work.pass_S, kept.S)
     work.pass_apart = 0
     begin_chain(work)
+    if work.pass_J[0, 0] > 0.0:  # what the update did to the error, where it does something
+        copy_matrix(work.pass_J, work.pass_F)
 
 
 @entry

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from fusiond.engine.records import CENTRAL
+from fusiond.engine.step.guard import fuse
+from fusiond.engine.step.inject import settle
 from fusiond.engine.step.predict import predict
 from fusiond.engine.step.sizes import ERRORS
 from fusiond.engine.step.update import *  # noqa: F403 whoever imports from here finds all of it
@@ -12,7 +14,7 @@ from fusiond.engine.step.update import correct as correct_only
 from fusiond.engine.step.update import innovate, load_noise
 from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import kernel
-from fusiond.numerics.ud import Matrix, Vector, bierman_update, whiten
+from fusiond.numerics.ud import Matrix, Vector, whiten
 from fusiond.types import Verdict
 
 from .chain import NOTHING
@@ -22,15 +24,17 @@ USED = int(Verdict.USED)
 
 @kernel
 def keep_channels(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Do the update of the centralized filter on a copy of its covariance; writes work.pass_*, but not x and F.
+    """Do the update of the centralized filter on a copy of it; writes work.pass_*, but not F.
 
-    Leaves the covariance before it in work.prior_U, prior_d.
+    What the guard withholds of a gain is to a smoother an estimate that was moved, and noise that was added, after
+    the best update: k is the best one's. Leaves the covariance before it in work.prior_U, prior_d.
     """
-    dof = design.dof[reading.sensor]
+    sensor, dof = reading.sensor, design.dof[reading.sensor]
     innovate(track, design, work, CENTRAL, reading)
     load_noise(reading, design, work)
     for i in range(dof):
-        work.R_d[i] *= 1.0 + track.reaction.noise_excess[reading.sensor]
+        work.R_d[i] *= 1.0 + track.reaction.noise_excess[sensor]
+    copy_vector(track.x[CENTRAL], work.pass_x)
     for U, d in ((work.prior_U, work.prior_d), (work.pass_U, work.pass_d)):
         copy_matrix(track.U[CENTRAL], U)
         copy_vector(track.d[CENTRAL], d)
@@ -41,13 +45,15 @@ def keep_channels(track: Any, design: Any, work: Any, reading: Any) -> None:
         nu = work.nu[i]
         for j in range(ERRORS):
             nu -= work.H[i, j] * work.dx[j]
-        S = bierman_update(work.dx, work.pass_U, work.pass_d, work.H[i], work.R_d[i], nu, work.a, work.b)
+        S = fuse(work.pass_U, work.pass_d, sensor, i, nu, design, work)
         work.pass_nu[i] = nu
         work.pass_S[i] = S
         for j in range(ERRORS):
             work.pass_h[i, j] = work.H[i, j]
-            work.pass_k[i, j] = work.b[j] / S if S > 0.0 else 0.0
+            work.pass_k[i, j] = (work.b[j] + work.withheld[j]) / S if S > 0.0 else 0.0
     work.pass_channels = dof
+    settle(work.pass_x, work.pass_U, sensor, design, work)
+    copy_matrix(work.J, work.pass_J)
 
 
 @kernel

@@ -29,6 +29,7 @@ def start(track: Any, design: Any, t_ns: int) -> None:
     track.start_ns = t_ns
     track.t_ns = t_ns
     track.update_ns = t_ns
+    track.learned[:] = 0.0
     for row in range(FILTERS):
         track.filter_t_ns[row] = t_ns
         copy_vector(design.x0, track.x[row])

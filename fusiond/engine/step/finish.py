@@ -10,6 +10,7 @@ from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import ud_variance
 from fusiond.types import Health, Kind, ServiceHealth
 
+from .guard import unobserved_states
 from .law import command
 from .silence import is_silent, silent_since, unsteady
 from .sizes import CONTROLS, ERRORS, SENSORS, STATES
@@ -103,6 +104,7 @@ def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None
     """Complete the report of one reading or tick."""
     finite = describe_state(track, report)
     describe_resets(track, report)
+    report.unobserved = unobserved_states(track, design, now_ns) if track.started else 0
     judge_health(track, design, now_ns, finite, report)
     describe_faults(track, design, report)
     if CONTROLS > 0 and track.started:

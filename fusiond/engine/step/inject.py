@@ -20,6 +20,12 @@ def inject(x: Any, dx: Any, design: Any) -> None:
 
 
 @kernel
+def settle(x: Any, U: Any, sensor: int, design: Any, work: Any) -> None:
+    """x <- x [+] work.dx after an update by `sensor`; the covariance U diag(d) U' stays."""
+    inject(x, work.dx, design)
+
+
+@kernel
 def between(x: Any, y: Any, dx: Any, design: Any) -> None:
     """Write dx with x + dx = y."""
     for i in range(STATES):

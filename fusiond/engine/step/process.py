@@ -24,3 +24,9 @@ def add_error(x: Vector, dx: Vector, p: Vector) -> None:
 def error_between(x: Vector, y: Vector, p: Vector, dx: Vector) -> None:
     """Write dx with x + dx = y; only models whose state is no vector need this."""
     dx[0] = y[0] - x[0]
+
+
+@kernel
+def turn_error(x: Vector, dx: Vector, p: Vector, J: Matrix) -> None:
+    """x <- x + dx; only models whose vectors turn with the heading need this, and write J."""
+    x[0] += dx[0]

@@ -10,6 +10,7 @@ PAYLOAD = 1
 CONTROLS = 0
 CELLS = 0
 PROTECTED = 0
+GUARDED = 0
 WINDOW = 1
 STEADY = 0
 """Healthy silences for which a sensor must speak before it is silent no longer; 0 without fault detection."""

@@ -10,10 +10,11 @@ from fusiond.engine.records import CENTRAL, HAS_R
 from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.discretise import wrap_angle
 from fusiond.numerics.kernel import kernel
-from fusiond.numerics.ud import bierman_update, ud_factor, ud_projected, whiten
+from fusiond.numerics.ud import ud_factor, ud_projected, whiten
 from fusiond.types import Verdict
 
-from .inject import inject
+from .guard import fuse, note_learning
+from .inject import settle
 from .monitor import after_look, after_update, before_update
 from .observe import observe
 from .predict import predict
@@ -76,11 +77,12 @@ def describe_innovation(track: Any, design: Any, work: Any, reading: Any, report
 
 
 @kernel
-def condition(track: Any, design: Any, work: Any, row: int, dof: int) -> float:
+def condition(track: Any, design: Any, work: Any, row: int, sensor: int) -> float:
     """Fuse the channels in work.nu, H, R_* into filter `row`; writes work.e (whitened innovation), returns its nis.
 
     All channels are linearised at the prior mean, so that the result is that of one stacked update.
     """
+    dof = design.dof[sensor]
     for j in range(ERRORS):
         work.dx[j] = 0.0
     whiten(work.R_U, work.nu, work.H, dof)
@@ -89,14 +91,15 @@ def condition(track: Any, design: Any, work: Any, row: int, dof: int) -> float:
         nu = work.nu[i]
         for j in range(ERRORS):
             nu -= work.H[i, j] * work.dx[j]
-        S = bierman_update(work.dx, track.U[row], track.d[row], work.H[i], work.R_d[i], nu, work.a, work.b)
+        S = fuse(track.U[row], track.d[row], sensor, i, nu, design, work)
         work.root[i] = np.sqrt(S)
         work.e[i] = nu / work.root[i] if S > 0.0 else 0.0
         if row == CENTRAL:
             for j in range(ERRORS):
                 work.K[i, j] = work.b[j] / S if S > 0.0 else 0.0
+            note_learning(track, design, work, S)
         nis += work.e[i] * work.e[i]
-    inject(track.x[row], work.dx, design)
+    settle(track.x[row], track.U[row], sensor, design, work)
     return nis
 
 
@@ -137,7 +140,7 @@ def correct(track: Any, design: Any, work: Any, row: int, reading: Any, report: 
     meet(track, design, work, row, reading, report)
     if gate > 0.0:
         keep(track, work, row)
-    nis = condition(track, design, work, row, dof)
+    nis = condition(track, design, work, row, reading.sensor)
     used = gate <= 0.0 or nis <= gate
     if not used:
         put_back(track, work, row)
@@ -164,7 +167,7 @@ def look(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
     dof = design.dof[reading.sensor]
     meet(track, design, work, CENTRAL, reading, report)
     keep(track, work, CENTRAL)
-    nis = condition(track, design, work, CENTRAL, dof)
+    nis = condition(track, design, work, CENTRAL, reading.sensor)
     put_back(track, work, CENTRAL)
     report_innovation(work, dof, nis, report)
     report.verdict = EXCLUDED
