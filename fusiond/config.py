@@ -125,6 +125,9 @@ class FilterSection(Section):
     """Keep one filter for each sensor that can bear one, hearing it alone."""
     accept_unobservable: list[str] = []
     """States that may stay unobservable: dead reckoning knows its position only from where it started."""
+    covariance_hz: Positive | None = None
+    """The mean goes with every input, the covariance at least this often and before every correction: cheaper with a
+    fast IMU, the same to rounding. By default with every input too."""
     guard_unobservable: list[str] | None = None
     """Errors, by name, that are not learned while they cannot be observed: their estimate is held, their variance may
     grow. By default what the model says (strapdown: the heading and the gyro's biases); [] for none."""

@@ -64,7 +64,18 @@ def shape_of(resolved: Resolved, filters: int) -> Shape:
         controls=len(law.controls) if law else 0,
         references=len(law.references) if law else 0,
         guarded=len(guarded_slots(resolved)),
+        lazy=int(lags(resolved)),
     )
+
+
+def lags(resolved: Resolved) -> bool:
+    """Whether covariances follow more rarely than means; raises ConfigError where that is not to be had."""
+    asked = resolved.config.filter.covariance_hz is not None
+    if asked and (is_plain(resolved.config) or resolved.process.linear or not resolved.process.inputs):
+        raise ConfigError(
+            "filter.covariance_hz: only of nonlinear models that inputs drive, in the compiled step; leave it out"
+        )
+    return asked
 
 
 def layout_of(resolved: Resolved) -> Layout:
@@ -208,4 +219,5 @@ def design_of(resolved: Resolved, layout: Layout) -> NDArray[np.void]:
     record["invalid_ns"] = nanoseconds(config.health.invalid_s)
     _control(resolved, record)
     fill_turning(resolved, record)
+    record["covariance_ns"] = nanoseconds(1.0 / (config.filter.covariance_hz or 1.0))
     return design

@@ -30,7 +30,7 @@ from fusiond.models.contract import Process
 SWAPPED = (
     "process.py", "observe.py", "law.py", "sizes.py", "advance.py", "advance_nonlinear.py", "inject.py",
     "inject_manifold.py", "inject_turning.py", "monitor_on.py", "protect.py", "protect_on.py", "guard.py",
-    "guard_on.py",
+    "guard_on.py", "pending.py", "pending_on.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
 STEADY = 20
@@ -110,6 +110,7 @@ def step_sources(
     files["advance.py"] = template["advance.py" if linear else "advance_nonlinear.py"]
     files["inject.py"] = template[errors]
     files["protect.py"] = template["protect_on.py" if shape.protected > 0 else "protect.py"]
+    files["pending.py"] = template["pending_on.py" if shape.lazy else "pending.py"]
     files["guard.py"] = template["guard_on.py" if shape.guarded > 0 else "guard.py"]
     if shape.cells > 0:
         files["monitor.py"] = template["monitor_on.py"]

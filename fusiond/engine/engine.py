@@ -169,6 +169,9 @@ class Engine:
             return np.array(self.track[0]["P"][row])
         U = np.triu(self.track[0]["U"][row], 1) + np.eye(self.layout.shape.errors)
         covariance: NDArray[np.float64] = (U * self.track[0]["d"][row]) @ U.T
+        if self.layout.shape.lazy and self.track[0]["pending"][row]:
+            F = self.track[0]["pending_F"][row]
+            covariance = F @ covariance @ F.T + self.track[0]["pending_Q"][row]
         return covariance
 
     @property

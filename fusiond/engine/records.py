@@ -49,6 +49,7 @@ class Shape:
         cells: of the bank of fault signatures; 0 without fault detection.   window: readings its evidence reaches back.
         protected: error slots with a protection level.
         guarded: g, states that are not learned while they cannot be observed.
+        lazy: 1 where covariances follow more rarely than means, else 0.
     """
 
     states: int
@@ -68,6 +69,7 @@ class Shape:
     window: int = 1
     protected: int = 0
     guarded: int = 0
+    lazy: int = 0
 
     @property
     def monitor(self) -> np.dtype[Any]:
@@ -140,11 +142,15 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     longest_gap_ns: of late;   live: whether its arrivals are known.   resets, jump: as in the report.
     reaction, monitor: faults.records.
     learned: of each guarded state, the part of its variance that readings took away lately, as of learned_ns.
+    pending*: intervals since U, d were brought forward, with their transition and noise (step.pending_on).
     """
     n, f, s, m, ni = shape.errors, shape.filters, shape.sensors, shape.payload, shape.inputs
+    z = shape.lazy
     return record(
         ("started", "<i8"), ("t_ns", "<i8"), ("start_ns", "<i8"), ("update_ns", "<i8"), ("resets", "<i8"),
         ("jump", "<f8", (n,)), ("learned", "<f8", (shape.guarded,)), ("learned_ns", "<i8"),
+        ("pending", "<i8", (z * f,)), ("pending_F", "<f8", (z * f, z * n, z * n)),
+        ("pending_Q", "<f8", (z * f, z * n, z * n)),
         ("filter_t_ns", "<i8", (f,)), ("x", "<f8", (f, shape.states)), ("U", "<f8", (f, n, n)), ("d", "<f8", (f, n)),
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
@@ -188,7 +194,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     excluded, 0 where the last value holds on.   tests: faults.records.
     free: (s,) whether turning the world about the vertical leaves all readings of a sensor as they are.   heading: slot
     of that angle.   turns_to, turns_by: (n,) where a slot's part goes when the world turns by a right angle, and its
-    sign; -1: it stays.   guarded: (g,) slots.
+    sign; -1: it stays.   guarded: (g,) slots.   covariance_ns: longest that a covariance lags behind its mean.
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
     quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
     """
@@ -206,7 +212,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("tests", tests_dtype(sensors=s, cells=shape.cells)),
         ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)), ("learns_silence", "<i8", (s,)),
         ("free", "<i4", (s,)), ("heading", "<i8"), ("turns_to", "<i8", (n,)), ("turns_by", "<f8", (n,)),
-        ("guarded", "<i8", (shape.guarded,)),
+        ("guarded", "<i8", (shape.guarded,)), ("covariance_ns", "<i8"),
         ("step_ns", "<i8"), ("max_step_ns", "<i8"), ("horizon_ns", "<i8"), ("ahead_ns", "<i8"), ("resync", "<i8"),
         ("quiet_ns", "<i8"),
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
@@ -221,6 +227,7 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
     cache_*: F, B, c, G, q of a linear model by interval, so that a regular stream is discretised once.
     """
     n, m, ni, q = shape.errors, shape.payload, shape.inputs, shape.noises
+    z = shape.lazy
     return record(
         ("x", "<f8", (shape.states,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)),
         ("G", "<f8", (n, q)), ("q", "<f8", (q,)), ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)),
@@ -232,6 +239,9 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
         ("window", window_dtype(n, m, ni), (shape.window,)),
         ("a", "<f8", (n,)), ("b", "<f8", (n,)), ("e", "<f8", (m,)), ("dx", "<f8", (n,)), ("J", "<f8", (n, n)),
         ("through", "<f8", (shape.guarded,)), ("withheld", "<f8", (n,)),
+        ("T", "<f8", (z * n, z * n)), ("T2", "<f8", (z * n, z * n)), ("T_d", "<f8", (z * n,)),
+        ("settle_W", "<f8", (z * 2 * n, z * n)), ("settle_d", "<f8", (z * 2 * n,)), ("kept_pending", "<i8"),
+        ("kept_F", "<f8", (z * n, z * n)), ("kept_Q", "<f8", (z * n, z * n)),
         ("cache_dt_ns", "<i8", (CACHE,)), ("cache_F", "<f8", (CACHE, n, n)), ("cache_B", "<f8", (CACHE, n, ni)),
         ("cache_c", "<f8", (CACHE, n)),
         ("cache_G", "<f8", (CACHE, n, q)), ("cache_q", "<f8", (CACHE, q)),

@@ -25,3 +25,7 @@ def predict(track: Any, design: Any, work: Any, row: int, t_ns: int) -> None:
         bring(track, design, work, other, t_ns)
     if track.filter_t_ns[0] != before_ns and TOPOLOGY in {"federated", "covariance_intersection"}:
         merge_rows(track, design)
+
+
+follow = predict
+"""By an input; a plain covariance is never late."""

@@ -6,16 +6,16 @@ from typing import Any
 
 from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.kernel import kernel
-from fusiond.numerics.ud import thornton_predict
 
 from .monitor import carry
+from .pending import spread
 from .process import noise, transition
 from .sizes import ERRORS, INPUTS, NOISES
 
 
 @kernel
 def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
-    """Predict filter `row` over one interval. Reads track.u, u_var; writes its x, U, d (not its time)."""
+    """Predict filter `row` over one interval. Reads track.u, u_var; writes its x, and U, d or what is pending."""
     x = track.x[row]
     work.F[:] = 0.0
     work.B[:] = 0.0
@@ -33,4 +33,4 @@ def advance(track: Any, design: Any, work: Any, row: int, dt_ns: int) -> None:
         for i in range(ERRORS):
             work.W[ERRORS + NOISES + j, i] = work.B[i, j]
     carry(track, work, row, work.F, work.B)
-    thornton_predict(track.U[row], track.d[row], work.F, work.W, work.w_d, work.a)
+    spread(track, work, row)

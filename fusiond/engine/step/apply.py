@@ -10,7 +10,8 @@ from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
 
 from .monitor import corrected, fall_back, is_excluded, note_input
-from .predict import predict
+from .pending import nothing_pending
+from .predict import follow
 from .silence import note_gap
 from .sizes import FILTERS, SENSORS
 from .update import correct, look
@@ -35,6 +36,7 @@ def start(track: Any, design: Any, t_ns: int) -> None:
         copy_vector(design.x0, track.x[row])
         copy_matrix(design.U0, track.U[row])
         copy_vector(design.d0, track.d[row])
+        nothing_pending(track, row)
     for sensor in range(SENSORS):
         track.sensor_seen[sensor] = 0
         track.sensor_t_ns[sensor] = t_ns
@@ -60,7 +62,7 @@ def drive(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
     if design.hold[reading.sensor] == PREVIOUS:
         hold_input(track, design, reading, report)
     for row in range(FILTERS):
-        predict(track, design, work, row, reading.t_ns)
+        follow(track, design, work, row, reading.t_ns)
     if design.hold[reading.sensor] != PREVIOUS:
         hold_input(track, design, reading, report)
 

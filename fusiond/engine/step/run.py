@@ -8,12 +8,12 @@ import numpy as np
 
 from fusiond.engine.records import CENTRAL, JUDGED, TO_JUDGE, TO_REPLAY
 from fusiond.numerics.kernel import entry, kernel
-from fusiond.numerics.ud import ud_compose
 from fusiond.types import RESET, TICK, Action, Role, Verdict
 
 from .apply import apply
 from .finish import finish
 from .monitor import awaits_judgement, fall_back, note_unusable
+from .pending import compose
 from .predict import predict
 from .protect import protect
 from .screen import comes_after, note_sequence, same_values, screen, sequence_repeats
@@ -236,5 +236,5 @@ def run(
         protect(ends[0], design[0], work, report)
         finish(ends[0], desk, design[0], now_ns, report)
         if covariances.shape[0] > 0:
-            ud_compose(tracks[0].U[0], tracks[0].d[0], covariances[k])
+            compose(tracks[0], covariances[k])
     return readings.shape[0]

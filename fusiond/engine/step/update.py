@@ -17,6 +17,7 @@ from .guard import fuse, note_learning
 from .inject import settle
 from .monitor import after_look, after_update, before_update
 from .observe import observe
+from .pending import keep_pending, put_back_pending
 from .predict import predict
 from .sizes import ERRORS
 
@@ -109,6 +110,7 @@ def keep(track: Any, work: Any, row: int) -> None:
     copy_vector(track.x[row], work.kept_x)
     copy_vector(track.d[row], work.kept_d)
     copy_matrix(track.U[row], work.kept_U)
+    keep_pending(track, work, row)
 
 
 @kernel
@@ -117,6 +119,7 @@ def put_back(track: Any, work: Any, row: int) -> None:
     copy_vector(work.kept_x, track.x[row])
     copy_vector(work.kept_d, track.d[row])
     copy_matrix(work.kept_U, track.U[row])
+    put_back_pending(track, work, row)
 
 
 @kernel
