@@ -67,6 +67,8 @@ def recording(request: pytest.FixtureRequest) -> Callable[[str], Path]:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", f"{MARKER}(*names): needs these folders of FUSIOND_DATA")
     config.stash[SKIPPED] = []
+    if not hasattr(config, "workerinput"):
+        config.pluginmanager.register(SkipCounter(config.stash[SKIPPED]))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -84,19 +86,27 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Mark the report of a skip that counts: it may have to travel to the process that counts."""
     report = yield
     if report.skipped and not hasattr(report, "wasxfail") and needs_recordings(item):
-        item.config.stash[SKIPPED].append(item.nodeid)
+        report.user_properties.append((MARKER, item.nodeid))
     return report
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
-    """A whole file of recording tests that skips itself counts as one."""
-    report = yield
-    if report.skipped and in_recordings_room(collector):
-        collector.config.stash[SKIPPED].append(collector.nodeid)
-    return report
+class SkipCounter:
+    """Counts skips of tests that need recordings, in the process that prints the summary."""
+
+    def __init__(self, skipped: list[str]) -> None:
+        self._skipped = skipped
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self._skipped += [str(nodeid) for name, nodeid in report.user_properties if name == MARKER]
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        """A whole file of recording tests that skips itself counts as one."""
+        inside = MARKER in Path(report.nodeid.split("::")[0]).parts[:-1]
+        if report.skipped and inside and report.nodeid not in self._skipped:
+            self._skipped.append(report.nodeid)
 
 
 @pytest.hookimpl(tryfirst=True)

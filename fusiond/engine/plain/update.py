@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fusiond.engine.step.update import innovate, load_noise, look
+from fusiond.engine.step.update import innovate, load_noise
 
 from .correct import correct
 
-__all__ = ["correct", "innovate", "load_noise", "look"]
+__all__ = ["correct", "innovate", "load_noise"]

@@ -69,7 +69,7 @@ def is_covariance(track: Any, U: Matrix, d: Vector) -> bool:
 
 
 @kernel  # type: ignore[no-redef] # stands for the one of the step
-def correct(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any) -> None:
+def correct(track: Any, design: Any, work: Any, row: int, reading: Any, out: bool, report: Any) -> None:
     """The step's own update; of the centralized filter, what it did stays in work.pass_*.
 
     A reading that the gate refused was no update. An update that was not what these files know (another version of the
@@ -78,7 +78,7 @@ def correct(track: Any, design: Any, work: Any, row: int, reading: Any, report: 
     if row == CENTRAL:
         predict(track, design, work, CENTRAL, reading.t_ns)
         keep_channels(track, design, work, reading)
-    correct_only(track, design, work, row, reading, report)
+    correct_only(track, design, work, row, reading, out, report)
     if row == CENTRAL:
         if is_covariance(track, work.prior_U, work.prior_d):
             if report.verdict != USED:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fusiond.engine.records import HAS_ARRIVAL, HAS_R
+from fusiond.engine.records import CENTRAL, HAS_ARRIVAL, HAS_R
 from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
@@ -14,7 +14,7 @@ from .pending import nothing_pending
 from .predict import follow
 from .silence import note_gap
 from .sizes import FILTERS, SENSORS
-from .update import correct, look
+from .update import correct
 
 INPUT = int(Role.INPUT)
 PREVIOUS = int(Hold.PREVIOUS)
@@ -84,13 +84,12 @@ def update(track: Any, design: Any, work: Any, reading: Any, report: Any) -> Non
     """Correct every filter that hears the sensor; an excluded one is heard by its own local filter alone."""
     sensor = reading.sensor
     excluded = is_excluded(track, sensor, reading.t_ns)
-    if excluded:
-        look(track, design, work, reading, report)
-    else:
+    if not excluded:
         track.update_ns = reading.t_ns
     for row in range(FILTERS):
-        if design.heard[sensor, row] and (not excluded or design.alone[row]):
-            correct(track, design, work, row, reading, report)
+        out = excluded and not design.alone[row]
+        if design.heard[sensor, row] and (row == CENTRAL or not out):
+            correct(track, design, work, row, reading, out, report)
 
 
 @kernel

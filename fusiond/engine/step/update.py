@@ -137,41 +137,31 @@ def meet(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any
 
 
 @kernel
-def correct(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any) -> None:
-    """Predict filter `row` to the reading and fuse it, unless its own gate says that noise cannot explain it."""
+def correct(track: Any, design: Any, work: Any, row: int, reading: Any, out: bool, report: Any) -> None:
+    """Predict filter `row` to the reading and fuse it, unless its own gate says that noise cannot explain it.
+
+    Args:
+        out: the sensor is excluded: compare its reading with the filter, and leave the filter as it was.
+    """
     dof, gate = design.dof[reading.sensor], design.tests.gate[reading.sensor]
     meet(track, design, work, row, reading, report)
-    if gate > 0.0:
+    gated = gate > 0.0
+    if gated or out:
         keep(track, work, row)
     nis = condition(track, design, work, row, reading.sensor)
-    used = gate <= 0.0 or nis <= gate
+    used = not out and (not gated or nis <= gate)
     if not used:
         put_back(track, work, row)
-    if row == CENTRAL:
-        report_innovation(work, dof, nis, report)
-        if gate > 0.0:
-            report.limit = gate
-        if not used:
-            report.verdict = GATED
-        after_update(track, design, work, reading, used)
-
-
-@kernel
-def report_innovation(work: Any, dof: int, nis: float, report: Any) -> None:
-    """Write nis and e."""
+    if row != CENTRAL:
+        return
     report.nis = nis
     for i in range(dof):
         report.e[i] = work.e[i]
-
-
-@kernel
-def look(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
-    """Compare an excluded sensor's reading with the primary filter, and leave the filter as it was."""
-    dof = design.dof[reading.sensor]
-    meet(track, design, work, CENTRAL, reading, report)
-    keep(track, work, CENTRAL)
-    nis = condition(track, design, work, CENTRAL, reading.sensor)
-    put_back(track, work, CENTRAL)
-    report_innovation(work, dof, nis, report)
-    report.verdict = EXCLUDED
-    after_look(track, design, work, reading)
+    if gated and not out:
+        report.limit = gate
+    if not used:
+        report.verdict = EXCLUDED if out else GATED
+    if out:
+        after_look(track, design, work, reading)
+    else:
+        after_update(track, design, work, reading, used)
