@@ -145,7 +145,16 @@ class Outputs:
         seq = self._next("estimate") if goes_out else self._seq["estimate"]
         derived = self._derived(np.array(x)) if self._derived else None
         message = self._estimate_message.content(
-            t_ns, seq, self.epoch, resets, jump, x, std, service, derived, self._rows.protection(raw, k),
+            t_ns,
+            seq,
+            self.epoch,
+            resets,
+            jump,
+            x,
+            std,
+            service,
+            derived,
+            self._rows.protection(raw, k),
             self._unobserved,
         )
         self.latest = message

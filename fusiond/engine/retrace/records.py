@@ -35,5 +35,10 @@ def retrace_work_dtype(shape: Shape) -> np.dtype[Any]:
     fields = [(name, base[name].base, base[name].shape) for name in base.names]
     more: Any = pass_dtype(shape)
     kept = [(f"pass_{name}", more[name].base, more[name].shape) for name in more.names]
-    own = (("prior_U", "<f8", (n, n)), ("prior_d", "<f8", (n,)), ("pass_J", "<f8", (n, n)), ("once", "<f8", (n, n)))
+    own = (
+        ("prior_U", "<f8", (n, n)),
+        ("prior_d", "<f8", (n,)),
+        ("pass_J", "<f8", (n, n)),
+        ("once", "<f8", (n, n)),
+    )
     return record(*fields, *kept, *own)
