@@ -17,6 +17,7 @@ from fusiond.numerics.kernel import interpreted
 from fusiond.numerics.ud import ud_add, ud_compose, ud_covariance
 from fusiond.simulation.flight import flight
 from fusiond.simulation.tables import Reading
+from fusiond.types import Verdict
 from tests.laws.engine_rig import rig, toml_of
 from tests.laws.test_strapdown_scenes import car, drive
 from tests.scenarios.test_observability_guard import standing, still
@@ -224,3 +225,16 @@ def test_no_guard_is_kept_where_none_is_asked_for():
     config: Config = configured("flight", {"filter": {"guard_unobservable": []}}).config
     assert assemble(config).layout.shape.guarded == 0
     assert rig().layout.shape.guarded == 0
+
+
+def test_a_reading_that_is_not_used_teaches_nothing():
+    """A gated velocity leaves what is noted of learning as it was."""
+    section = "[faults]\n" + 'profile = "sharp"\n'
+    assembly = assemble(parse(flight_text("[filter]\nleave_one_out = false\n" + section), "flight"))
+    engine, readings = assembly.engine(), until("gnss_velocity", 4.0)
+    readings["z"][-1, :3] += 50.0
+    engine.process(readings[:-1])
+    before = engine.track[0]["learned"].copy()
+    report = engine.process(readings[-1:])[0].copy()
+    assert report["verdict"] == Verdict.GATED
+    assert np.array_equal(engine.track[0]["learned"], before)

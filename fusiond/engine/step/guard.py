@@ -23,3 +23,13 @@ def note_learning(track: Any, design: Any, work: Any, S: float) -> None:
 def unobserved_states(track: Any, design: Any, now_ns: int) -> int:
     """The guarded states that nothing teaches now, a bit for each slot of the error."""
     return 0
+
+
+@kernel
+def begin_learning(track: Any, work: Any) -> None:
+    """Before the channels of one reading."""
+
+
+@kernel
+def forget_learning(track: Any, work: Any) -> None:
+    """The channels noted since `begin_learning` were not used after all."""

@@ -118,6 +118,20 @@ def note_learning(track: Any, design: Any, work: Any, S: float) -> None:
 
 
 @kernel
+def begin_learning(track: Any, work: Any) -> None:
+    """Before the channels of one reading."""
+    work.learned_ns = track.learned_ns
+    copy_vector(track.learned, work.learned)
+
+
+@kernel
+def forget_learning(track: Any, work: Any) -> None:
+    """The channels noted since `begin_learning` were not used after all."""
+    track.learned_ns = work.learned_ns
+    copy_vector(work.learned, track.learned)
+
+
+@kernel
 def unobserved_states(track: Any, design: Any, now_ns: int) -> int:
     """The guarded states that nothing teaches now, a bit for each slot of the error."""
     left = faded(track, now_ns)

@@ -13,7 +13,7 @@ from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import ud_factor, ud_projected, whiten
 from fusiond.types import Verdict
 
-from .guard import fuse, note_learning
+from .guard import begin_learning, forget_learning, fuse, note_learning
 from .inject import settle
 from .monitor import after_look, after_update, before_update
 from .observe import observe
@@ -87,6 +87,8 @@ def condition(track: Any, design: Any, work: Any, row: int, sensor: int) -> floa
     for j in range(ERRORS):
         work.dx[j] = 0.0
     whiten(work.R_U, work.nu, work.H, dof)
+    if row == CENTRAL:
+        begin_learning(track, work)
     nis = 0.0
     for i in range(dof):
         nu = work.nu[i]
@@ -120,6 +122,8 @@ def put_back(track: Any, work: Any, row: int) -> None:
     copy_vector(work.kept_d, track.d[row])
     copy_matrix(work.kept_U, track.U[row])
     put_back_pending(track, work, row)
+    if row == CENTRAL:
+        forget_learning(track, work)
 
 
 @kernel
