@@ -18,6 +18,8 @@ MARGIN = 1.5
 """A deadline is this much longer than the longest gap of late."""
 FORGET = 0.002
 """Share of the longest gap forgotten with every reading."""
+BROKEN = 4
+"""A stream not yet steady again is still broken by a gap of so many first deadlines, whatever has been learnt."""
 HELD_BACK_NS = 50_000_000
 """A live stream's readings may come this much later than the time that has passed elsewhere says."""
 
@@ -51,7 +53,8 @@ def note_gap(track: Any, design: Any, sensor: int, t_ns: int, live: bool) -> Non
     longest = track.longest_gap_ns[sensor]
     learnt = min(gap_ns, 2 * limit) if track.sensor_seen[sensor] else 0
     track.longest_gap_ns[sensor] = max(learnt, longest - int(FORGET * longest))
-    if gap_ns > limit:
+    again = unsteady(track, design, sensor, t_ns) and gap_ns > BROKEN * design.silence_ns[sensor]
+    if gap_ns > limit or again:
         if not unsteady(track, design, sensor, t_ns):
             track.gap_from_ns[sensor] = track.sensor_t_ns[sensor]
         track.gap_to_ns[sensor] = t_ns
