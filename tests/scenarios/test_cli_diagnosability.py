@@ -28,8 +28,14 @@ def shown(*rows: dict[str, Any], promise_s: float | None = None) -> str:
 
 @pytest.mark.parametrize(
     ("kind", "size", "said"),
-    [("bias", 0.5, "0.5 "), ("drift", 0.25, "0.25 /s"), ("noise", 1.5, "1.5 x"), ("scale", 0.07, "7 %"), ("delay", 0.1, "0.1 s")],
-)  # fmt: skip
+    [
+        ("bias", 0.5, "0.5 "),
+        ("drift", 0.25, "0.25 /s"),
+        ("noise", 1.5, "1.5 x"),
+        ("scale", 0.07, "7 %"),
+        ("delay", 0.1, "0.1 s"),
+    ],
+)
 def test_a_size_has_the_unit_of_its_kind(kind, size, said):
     assert said in shown(row(kind=kind, smallest=size))
 
