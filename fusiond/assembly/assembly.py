@@ -22,10 +22,11 @@ from fusiond.assembly.package import import_package, inject_file, source_of, ste
 from fusiond.assembly.plain import check_choices, plain_design, plain_sources
 from fusiond.assembly.protecting import protected, write_protection
 from fusiond.assembly.resolve import Resolved, by_key, resolve
-from fusiond.assembly.watching import judge_of, watched, write_tests
+from fusiond.assembly.watching import judge_of, obey, overseen, watched, write_tests
 from fusiond.config import Config, read
 from fusiond.engine.engine import Derive, Engine
 from fusiond.engine.layout import Layout
+from fusiond.engine.overseer import Overseer
 from fusiond.engine.plain.running import running
 from fusiond.errors import ConfigError, FusiondError
 from fusiond.numerics.kernel import interpreted
@@ -38,12 +39,14 @@ class Assembly:
 
     Args:
         layout: what its records mean.   design: (1,) design record.   detection: its tests, None without them.
+        overseer: of a plain step with fault detection, the compiled configuration that judges for it.
     """
 
     resolved: Resolved
     layout: Layout
     design: NDArray[np.void]
     detection: Detection | None = None
+    overseer: Assembly | None = None
 
     @property
     def config(self) -> Config:
@@ -70,8 +73,9 @@ class Assembly:
     def engine(self) -> Engine:
         """A fresh engine, before its first reading."""
         run = running(self.package.run) if self.layout.plain else self.package.run
-        judge = judge_of(self.resolved, self.layout, self.detection, self.design)
-        return Engine(self.layout, self.design, self._desk(), run, self._derive(), judge)
+        judge = None if self.overseer else judge_of(self.resolved, self.layout, self.detection, self.design)
+        overseer = Overseer(self.overseer.engine()) if self.overseer else None
+        return Engine(self.layout, self.design, self._desk(), run, self._derive(), judge, overseer)
 
     def prepare(self) -> None:
         """Compile the step, or load it from the cache, before anybody waits for a reading."""
@@ -145,8 +149,13 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
     design = design_of(resolved, layout)
     write_tests(resolved, detection, design)
     write_protection(resolved, layout, design)
-    design = plain_design(resolved, layout, design) if layout.plain else design
-    return Assembly(resolved, layout, design, detection)
+    if not layout.plain:
+        return Assembly(resolved, layout, design, detection)
+    overseer = assemble(overseen(config), folder) if config.faults else None
+    if overseer:
+        obey(design, overseer.design)
+    design = plain_design(resolved, layout, design)
+    return Assembly(resolved, layout, design, overseer and overseer.detection, overseer)
 
 
 def load(path: Path) -> Assembly:

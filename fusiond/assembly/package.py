@@ -35,7 +35,7 @@ SWAPPED = (
 """Files of the template that a configuration replaces."""
 STEADY = 20
 """Healthy silences for which a sensor must speak, without another, before it is silent no longer."""
-WATCHING = ("signatures.py", "spread_tests.py")
+WATCHING = ("decided.py", "signatures.py", "spread_tests.py")
 """Files of the template that only a configuration with fault detection needs."""
 ROOMS = ("numerics", "models", "filters", "fusion", "faults", "adapt", "control")
 """Where the kernels live that a step calls."""

@@ -9,6 +9,7 @@ import numpy as np
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Alarm, Role
 
+from .decided import corrected, is_excluded
 from .inject import between
 from .signatures import bank, carry, forget_interval
 from .silence import is_silent
@@ -137,14 +138,6 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def is_excluded(track: Any, sensor: int, t_ns: int) -> bool:
-    """Whether the sensor's readings of that time are not used."""
-    reaction = track.reaction
-    out = reaction.excluded[sensor] and t_ns >= reaction.out_from_ns[sensor]
-    return bool(out and (reaction.until_ns[sensor] == 0 or t_ns < reaction.until_ns[sensor]))
-
-
-@kernel
 def fall_back(track: Any, design: Any, t_ns: int) -> None:
     """Give inputs that are silent or excluded their usual value, and white noise of `without_var` over a second."""
     interval_s = max((t_ns - track.filter_t_ns[0]) * 1e-9, SHORTEST_S)
@@ -170,22 +163,6 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
         else:
             monitor.usual[sensor, i] = reading.z[i]
     test_frozen(track, design, work, reading)
-
-
-@kernel
-def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
-    """The reading with what is known of its sensor's error taken off: (z - offset - drift (t - from)) / gain."""
-    reaction, sensor = track.reaction, reading.sensor
-    for k in range(2):
-        begins, ends = reaction.from_ns[sensor, k], reaction.to_ns[sensor, k]
-        if begins != 0 and begins <= reading.t_ns and (ends == 0 or reading.t_ns < ends):
-            spare[0] = reading
-            since_s = (reading.t_ns - begins) * 1e-9
-            for i in range(design.length[sensor]):
-                error = reaction.offset[sensor, k, i] + reaction.drift[sensor, k, i] * since_s
-                spare[0].z[i] = (reading.z[i] - error) / (1.0 + reaction.gain_error[sensor, k, i])
-            return spare[0]
-    return reading
 
 
 @kernel
