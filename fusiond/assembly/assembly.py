@@ -82,7 +82,9 @@ class Assembly:
     def _desk(self) -> NDArray[np.void]:
         """The first desk record: the configured reference."""
         desk = np.zeros(1, self.layout.desk)
-        section = self.config.control
+        section, law = self.config.control, self.resolved.law
+        if law is not None and not law.references:
+            desk[0]["has_reference"] = 1
         if section is not None and section.reference:
             values = by_key(section.reference, self.layout.references, "control.reference")
             desk[0]["reference"][:] = [values.get(slot.name, 0.0) for slot in self.layout.references]
