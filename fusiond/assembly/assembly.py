@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fusiond.assembly.design import design_of, layout_of
 from fusiond.assembly.detection import Detection
+from fusiond.assembly.expected_cost import Expected, expected_costs
 from fusiond.assembly.jacobians import check_jacobians
 from fusiond.assembly.modules import require
 from fusiond.assembly.observability import require_observable
@@ -24,6 +25,7 @@ from fusiond.assembly.protecting import protected, write_protection
 from fusiond.assembly.resolve import Resolved, by_key, resolve
 from fusiond.assembly.watching import judge_of, watched, write_tests
 from fusiond.config import Config, read
+from fusiond.control.plant import Plan
 from fusiond.engine.engine import Derive, Engine
 from fusiond.engine.layout import Layout
 from fusiond.engine.plain.running import running
@@ -49,6 +51,16 @@ class Assembly:
     def config(self) -> Config:
         """The configuration it was made from."""
         return self.resolved.config
+
+    @property
+    def plan(self) -> Plan | None:
+        """What the control law was designed from; None where it was not."""
+        return self.resolved.law.plan if self.resolved.law else None
+
+    @cached_property
+    def expected_costs(self) -> list[Expected]:
+        """What control should cost with every set of working sensors."""
+        return expected_costs(self.resolved)
 
     @cached_property
     def package(self) -> ModuleType:

@@ -33,7 +33,7 @@ def longest_wait_s(section: ControlSection) -> float:
     return 0.5 / section.rate_hz if section.wait_s is None else section.wait_s
 
 
-def deadline_s(section: ControlSection, tick_hz: float) -> float:
+def command_deadline_s(section: ControlSection, tick_hz: float) -> float:
     """Time without a command after which the service says that its loop is late."""
     if section.deadline_s is not None:
         return section.deadline_s
@@ -69,7 +69,9 @@ def fill_control(resolved: Resolved, record: np.record) -> None:
     record["safe_ramp_ns"] = nanoseconds(section.safe_ramp_s)
     record["fade_ns"] = nanoseconds(section.fade_s)
     forever = section.dead_reckoning_s is None
-    record["reckoning_ns"] = np.iinfo(np.int64).max if forever else nanoseconds(section.dead_reckoning_s or 0.0)
+    record["reckoning_ns"] = (
+        np.iinfo(np.int64).max if forever else nanoseconds(section.dead_reckoning_s or 0.0)
+    )
     largest = by_key(section.largest_std, resolved.process.error_slots, "control.largest_std")
     record["largest_std"] = [largest.get(slot.name, np.inf) for slot in resolved.process.error_slots]
     _fill_waiting(resolved, section, record)
@@ -81,9 +83,7 @@ def _fill_waiting(resolved: Resolved, section: ControlSection, record: np.record
     names = [sensor.name for sensor in resolved.sensors]
     for name in section.waits_for:
         if name not in names:
-            raise ConfigError(
-                f"control.waits_for: no sensor `{name}`; choose from {', '.join(names)}"
-            )
+            raise ConfigError(f"control.waits_for: no sensor `{name}`; choose from {', '.join(names)}")
         record["awaited"][names.index(name)] = 1
     record["command_wait_ns"] = nanoseconds(longest_wait_s(section)) if section.waits_for else 0
 

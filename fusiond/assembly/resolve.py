@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond.assembly.motion import setting_of
 from fusiond.assembly.modules import described, require, user_module
+from fusiond.assembly.motion import setting_of
 from fusiond.config import Config, InputSection, SensorSection, nearest, parameters
 from fusiond.control.catalogue import LAWS
 from fusiond.control.contract import Law
@@ -129,9 +129,7 @@ def _update(name: str, section: SensorSection, process: Process, folder: Path) -
     return ResolvedSensor(name, Role.UPDATE, model, module, section, R)
 
 
-def _controller_sensors(
-    law: Law | None, process: Process, taken: Mapping[str, Any]
-) -> list[ResolvedSensor]:
+def _controller_sensors(law: Law | None, process: Process, taken: Mapping[str, Any]) -> list[ResolvedSensor]:
     """`applied` and `reference`, where there is a controller and no sensor of that name.
 
     Where the command drives the prediction, `applied` is an input, and known exactly.

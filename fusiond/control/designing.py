@@ -123,7 +123,7 @@ def _given(process: Process, setting: Setting, wish: Wish) -> tuple[_Part, Plant
         density = weights("W", wish.W, wish.states)
     units = wish.units or [""] * m
     if len(units) != m:
-        raise ConfigError(f"units: has {len(units)} for {m} controls; one for each, \"\" where there is none")
+        raise ConfigError(f'units: has {len(units)} for {m} controls; one for each, "" where there is none')
     controls = tuple(Slot(name, unit) for name, unit in zip(wish.controls, units, strict=True))
     cost = _weighed(wish, wish.states, controls)
     W = noise_of(A, density, setting.period_s)
@@ -207,13 +207,13 @@ def _gains(plant: Plant, C: Matrix, wish: Wish) -> tuple[Matrix, Matrix, Matrix]
     return K[:, :N], S, K[:, N:]
 
 
-def law_of(process: Process, plan: Plan, part: _Part, antiwindup: float = 0.0) -> Law:
+def law_of(process: Process, plan: Plan, part: _Part, unwinding: float = 0.0) -> Law:
     """The law of a plan, with the parameters that `feedback.command` reads."""
     return Law(
         controls=part.controls,
         references=tuple(process.slot(name) for name in plan.tracked),
         reads=(*plan.states, *plan.disturbances),
-        parameters=flat(plan, antiwindup),
+        parameters=flat(plan, unwinding),
         memory=plan.L.shape[1],
         queue=plan.plant.queue,
         drives=part.drives,
@@ -221,17 +221,17 @@ def law_of(process: Process, plan: Plan, part: _Part, antiwindup: float = 0.0) -
     )
 
 
-def flat(plan: Plan, antiwindup: float) -> tuple[float, ...]:
+def flat(plan: Plan, unwinding: float) -> tuple[float, ...]:
     """Header (n, m, r, k, D, q, period), K, targets, cost, L, unwinding gain Y, places of the integrated states.
 
-    What a command lacks of what was wanted goes back into the integrals as Y (done - wanted), Y = -share L^+: after one
-    such step a share of the lack is gone.
+    What a command lacks of what was wanted goes back into the integrals as Y (done - wanted), Y = -unwinding L^+: after one
+    such step that share of the lack is gone.
     """
     n, m = plan.plant.states, plan.plant.controls
     r, k = len(plan.tracked), len(plan.disturbances)
     q = plan.L.shape[1]
     header = (n, m, r, k, plan.plant.queue, q, plan.plant.period_s)
-    Y = -antiwindup * np.linalg.pinv(plan.L) if q else np.zeros((0, m))
+    Y = -unwinding * np.linalg.pinv(plan.L) if q else np.zeros((0, m))
     places = [plan.states.index(name) for name in plan.tracked] if q else []
     matrices = (plan.K, plan.targets, plan.plant.cost, plan.L, Y, np.array(places))
     return tuple(float(one) for one in header) + tuple(

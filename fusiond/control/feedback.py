@@ -79,18 +79,30 @@ def _part(x: Vector, desk: Any, at: Vector, c: Vector, place: int, N: int) -> fl
 
 
 @kernel
-def integrate(x: Vector, desk: Any, at: Vector, c: Vector, u: Vector) -> None:
-    """Bring the integrals to now, and take L q off the command. What is tracked rests at its reference."""
-    n, m, r, k, D, q = int(c[0]), int(c[1]), int(c[2]), int(c[3]), int(c[4]), int(c[5])
+def integrals_at(c: Vector) -> int:
+    """Where L begins in c."""
+    n, m, r, k, D = int(c[0]), int(c[1]), int(c[2]), int(c[3]), int(c[4])
     N = n + D * m
-    gain = HEADER + m * N + (n + m) * (r + k + 1) + (N + m) * (N + m)
-    back = gain + m * q
-    tracked = back + q * m
+    return HEADER + m * N + (n + m) * (r + k + 1) + (N + m) * (N + m)
+
+
+@kernel
+def integrate(x: Vector, desk: Any, at: Vector, c: Vector) -> None:
+    """Bring the integrals to now; desk.wanted is still the last command's."""
+    m, q = int(c[1]), int(c[5])
+    back = integrals_at(c) + m * q
     for i in range(q):
-        total = desk.memory[i] + c[6] * deviation(x, desk, at, c, int(c[tracked + i]))
+        total = desk.memory[i] + c[6] * deviation(x, desk, at, c, int(c[back + q * m + i]))
         for j in range(m):
             total += c[back + i * m + j] * (desk.done[j] - desk.wanted[j])
         desk.memory[i] = total
+
+
+@kernel
+def take_off_integrals(desk: Any, c: Vector, u: Vector) -> None:
+    """u <- u - L q."""
+    m, q = int(c[1]), int(c[5])
+    gain = integrals_at(c)
     for i in range(m):
         for j in range(q):
             u[i] -= c[gain + i * q + j] * desk.memory[j]

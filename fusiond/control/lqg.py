@@ -55,6 +55,18 @@ def describe(
         delay_s: from the command until it acts; whole periods where the command drives the prediction.
     """
     wish = Wish(
-        controls, state_cost, input_cost, tracks, states, A, B, W, units, around, disturbances, feedforward, delay_s
+        controls,
+        state_cost,
+        input_cost,
+        tracks,
+        states,
+        A,
+        B,
+        W,
+        units,
+        around,
+        disturbances,
+        feedforward,
+        delay_s,
     )
     return law_of(process, *plan_of(process, setting, wish))

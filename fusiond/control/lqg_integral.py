@@ -15,8 +15,9 @@ from typing import Any
 
 from fusiond.control.contract import Law, Setting
 from fusiond.control.designing import Rows, Weight, Wish, law_of, plan_of
-from fusiond.control.feedback import feed_back, integrate
+from fusiond.control.feedback import feed_back, integrate, take_off_integrals
 from fusiond.control.feedback import quadratic as cost
+from fusiond.errors import ConfigError
 from fusiond.models.contract import Process
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import Vector
@@ -42,7 +43,7 @@ def describe(
     disturbances: list[str] = [],  # noqa: B006
     feedforward: list[float] | None = None,
     delay_s: float = 0.0,
-    unwinding: float = 1.0,
+    unwinding_s: float = 0.3,
 ) -> Law:
     """Describe the law.
 
@@ -50,17 +51,21 @@ def describe(
         controls, state_cost, input_cost, tracks, states, A, B, W, units, around, disturbances, feedforward, delay_s: as
             of `lqg`.
         integral_cost: weight of the integral of each tracked state, per second.
-        unwinding: share of what a limit took from the command that the integrals give back at the next, 0 to 1.
+        unwinding_s: time in which the integrals give back what a limit took from the command (the tracking time).
     """
     wish = Wish(
         controls, state_cost, input_cost, tracks, states, A, B, W, units, around, disturbances, feedforward, delay_s,
         integral_cost,
     )  # fmt: skip
-    return law_of(process, *plan_of(process, setting, wish), antiwindup=unwinding)
+    if unwinding_s <= 0.0:
+        raise ConfigError("unwinding_s: is not above 0; give the time in which the integrals unwind")
+    share = min(1.0, setting.period_s / unwinding_s)
+    return law_of(process, *plan_of(process, setting, wish), unwinding=share)
 
 
 @kernel
 def command(x: Vector, desk: Any, at: Vector, c: Vector, u: Vector) -> None:
-    """Write the command, and bring the integrals to now."""
+    """Bring the integrals to now, and write the command; u may be desk.wanted, which the integrals read first."""
+    integrate(x, desk, at, c)
     feed_back(x, desk, at, c, u)
-    integrate(x, desk, at, c, u)
+    take_off_integrals(desk, c, u)

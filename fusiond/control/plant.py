@@ -96,9 +96,7 @@ def cost_by_turns(cost: Matrix, m: int) -> Matrix:
     return whole
 
 
-def sampled(
-    A: Matrix, B: Matrix, density: Matrix, W: Matrix, period_s: float, delay_s: float
-) -> Plant:
+def sampled(A: Matrix, B: Matrix, density: Matrix, W: Matrix, period_s: float, delay_s: float) -> Plant:
     """A continuous plant x' = A x + B u, its cost density (x, u)' density (x, u), its command late by delay_s.
 
     Source: Astrom and Wittenmark, Computer-Controlled Systems, section 2.3. Law: tests/laws/test_regulator.py.

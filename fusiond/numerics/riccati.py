@@ -36,7 +36,9 @@ def regulator(F: Matrix, B: Matrix, cost: Matrix) -> tuple[Matrix, Matrix]:
         Unsolvable: the pair is not stabilisable, the cost does not see an unstable mode, or the residual is large.
     Law: tests/laws/test_regulator.py (residual, python-control, cost by simulation).
     """
-    from scipy.linalg import solve_discrete_are  # a third of a second to load, which a daemon without it is spared
+    from scipy.linalg import (
+        solve_discrete_are,  # a third of a second to load, which a daemon without it is spared
+    )
 
     n = len(F)
     Q, N, R = cost[:n, :n], cost[:n, n:], cost[n:, n:]

@@ -195,9 +195,7 @@ def feed(
     if write_acting(desk, design, now_ns, readings[0]):
         place = desk.ring_first + desk.ring_count
         insert(desk, ring, readings[0], place)
-        advance_from(
-            tracks, desk, design, work, reports, ring, snapshots, marks, place, place, reports, 0
-        )
+        advance_from(tracks, desk, design, work, reports, ring, snapshots, marks, place, place, reports, 0)
 
 
 @entry
