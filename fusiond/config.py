@@ -166,6 +166,17 @@ class HealthSection(Section):
     """Invalid once nothing has corrected the state for this long."""
 
 
+class StandInSection(Section):
+    """The command in the place of an input that is silent or excluded: what a push does is known without a sensor."""
+
+    sensor: Name
+    """The input, one with `without_input_std`, which then says how well the plant is known."""
+    rate_of: Name
+    """State of the plant (`states` of the law) whose rate of change the input measures."""
+    plus: Name | None = None
+    """State that the input's readings have on top: its bias."""
+
+
 class ControlSection(Section):
     """The control law. Its parameters stand beside these."""
 
@@ -196,6 +207,8 @@ class ControlSection(Section):
     """The command at rest, by name with unit; what is not named is 0."""
     safe_ramp_s: Positive = 1.0
     """How long the ramp takes."""
+    stand_in: StandInSection | None = None
+    """What the command stands in for; by default nothing."""
     deadline_s: Positive | None = None
     """Time without a command after which the service publishes the safe one; by default five periods of commands, or
     of `service.tick_hz`, and no less than 0.25 s."""

@@ -11,21 +11,60 @@ from fusiond.config import ControlSection
 from fusiond.control.contract import Law
 from fusiond.control.levels import Safe
 from fusiond.errors import ConfigError
+from fusiond.numerics.riccati import generator
 from fusiond.types import NANOSECONDS, Role, nanoseconds
 
 SHORTEST_SILENCE_S = 0.1
+ROOM = 4
 ACKNOWLEDGED_PERIODS = 3.0
 """Periods of commands for which an acknowledgement stands, where `applied` says nothing of its rate."""
 
 
+def queue_room(commands: int) -> int:
+    """Room for commands that have not acted yet: laws that differ only in a short delay share one compiled step."""
+    return ROOM * max(1, -(-commands // ROOM))
+
+
 def feeding_sensor(resolved: Resolved) -> int:
-    """Number of the sensor whose reading a command is; -1 where the command drives nothing."""
-    if resolved.law is None or not resolved.law.drives:
+    """Number of the sensor whose reading a command is; -1 where the command drives and replaces nothing."""
+    law, section = resolved.law, resolved.config.control
+    if law is None or section is None or not (law.drives or section.stand_in):
         return -1
+    wanted = Role.INPUT if law.drives else Role.APPLIED
     for number, sensor in enumerate(resolved.sensors):
-        if sensor.name == "applied" and sensor.role is Role.INPUT:
+        if sensor.name == "applied" and sensor.role is wanted:
             return number
     return -1
+
+
+def fill_stand_in(resolved: Resolved, record: np.record) -> None:
+    """What the command stands in for: the input it becomes is gain times the command, plus offset. Raises ConfigError."""
+    law, section = resolved.law, resolved.config.control
+    if law is None or section is None or section.stand_in is None:
+        return
+    told, plan = section.stand_in, law.plan
+    names = [sensor.name for sensor in resolved.sensors]
+    if plan is None or law.drives or resolved.config.faults is None:
+        raise ConfigError(
+            "control.stand_in: needs a law with a plant of its own (A and B) and a section [faults]; leave it out"
+        )
+    said = resolved.config.sensor.get(told.sensor)
+    if not getattr(said, "without_input_std", None) or len(resolved.sensors[names.index(told.sensor)].drives) != 1:
+        raise ConfigError(
+            f"control.stand_in.sensor: `{told.sensor}` is no input of one number with `without_input_std`; name one"
+        )
+    if told.rate_of not in plan.states:
+        raise ConfigError(
+            f"control.stand_in.rate_of: `{told.rate_of}` is no state of the plant; choose from {', '.join(plan.states)}"
+        )
+    F, B = plan.plant.bare
+    row = generator(F, B, plan.plant.period_s)[1][plan.states.index(told.rate_of)]
+    n = plan.plant.states
+    record["stands_for"] = names.index(told.sensor)
+    record["stand_gain"][: len(row)] = row
+    record["stand_offset"] = -float(row @ plan.targets[n:, -1])
+    if told.plus is not None:
+        record["stand_plus"] = [s.name for s in resolved.process.states].index(resolved.process.slot(told.plus).name)
 
 
 def longest_wait_s(section: ControlSection) -> float:
@@ -52,10 +91,12 @@ def fill_control(resolved: Resolved, record: np.record) -> None:
     record["control_period_ns"] = NANOSECONDS
     record["largest_std"] = np.inf
     record["feeds"] = feeding_sensor(resolved)
+    record["stands_for"] = record["stand_plus"] = -1
     if law is None or section is None:
         return
     places = {slot.name: place for place, slot in enumerate(resolved.process.states)}
     record["control_period_ns"] = nanoseconds(1.0 / section.rate_hz)
+    record["queue"] = law.queue
     record["c"][: len(law.parameters)] = law.parameters
     record["law_at"][: len(law.reads)] = [places[name] for name in law.reads]
     record["lowest"] = _of_controls(section.lowest, law, "lowest", -np.inf)
@@ -76,6 +117,7 @@ def fill_control(resolved: Resolved, record: np.record) -> None:
     record["largest_std"] = [largest.get(slot.name, np.inf) for slot in resolved.process.error_slots]
     _fill_waiting(resolved, section, record)
     record["cost_share"] = min(1.0, 1.0 / (section.cost_time_s * section.rate_hz))
+    fill_stand_in(resolved, record)
     record["acknowledged_ns"] = _acknowledged_ns(resolved, section)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond.assembly.controlling import feeding_sensor, fill_control
+from fusiond.assembly.controlling import feeding_sensor, fill_control, queue_room
 from fusiond.assembly.observability import bears_a_filter
 from fusiond.assembly.plain import LOCAL, is_plain
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
@@ -67,7 +67,7 @@ def shape_of(resolved: Resolved, filters: int) -> Shape:
         guarded=len(guarded_slots(resolved)),
         lazy=int(lags(resolved)),
         memory=law.memory if law else 0,
-        queue=law.queue if law else 0,
+        queue=queue_room(law.queue) if law and law.plan else 0,
         feeds=int(feeding_sensor(resolved) >= 0),
     )
 

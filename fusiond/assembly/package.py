@@ -78,7 +78,8 @@ def sizes_source(shape: records.Shape) -> str:
     """The sizes of the records as constants."""
     constants = {
         "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises,
-        "QUEUE": shape.queue, "FEEDS": shape.feeds, "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
+        "FEEDS": shape.feeds,
+        "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
         "STEADY": STEADY if shape.cells else 0, "CELLS": shape.cells, "WINDOW": shape.window,
         "PROTECTED": shape.protected, "GUARDED": shape.guarded,
         "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,

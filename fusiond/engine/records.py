@@ -46,7 +46,7 @@ class Shape:
         payload: most numbers any reading carries.     slots: most state slots any sensor model reads.
         model_parameters, sensor_parameters, law_parameters: lengths of the parameter vectors.
         controls, references: numbers of the command and of the reference (0 without control).
-        memory, queue: numbers the law keeps, and commands that have not acted yet when the next is computed.
+        memory, queue: numbers the law keeps, and room for commands that have not acted yet when the next is computed.
         feeds: 1 where the command drives the prediction, else 0.
         cells: of the bank of fault signatures; 0 without fault detection.   window: readings its evidence reaches back.
         protected: error slots with a protection level.
@@ -213,8 +213,9 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
     Of the command: c, law_at (the law's parameters, the states it reads), lowest, highest, slew (limits; change per s),
     fade_ns, safe_mode, safe_command, safe_ramp_ns, reckoning_ns (longest dead reckoning), largest_std (n,), awaited (s,)
-    and command_wait_ns (whom a due command waits for, and how long), cost_share (of the newest cost in the mean); feeds:
-    the sensor whose reading a command is, and acknowledged_ns: how long an acknowledgement stands for the next.
+    and command_wait_ns (whom a due command waits for, and how long), cost_share (of the newest cost in the mean); queue:
+    commands that wait; feeds: the sensor whose reading a command is, and acknowledged_ns: how long an acknowledgement stands for the next.
+    stands_for: the input that the command replaces while it is out, as gain times command, plus offset, plus a state.
     """
     n, s, m, k = shape.errors, shape.sensors, shape.payload, shape.controls
     return record(
@@ -238,7 +239,8 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("lowest", "<f8", (k,)), ("highest", "<f8", (k,)), ("slew", "<f8", (k,)), ("fade_ns", "<i8"),
         ("safe_mode", "<i8"), ("safe_command", "<f8", (k,)), ("safe_ramp_ns", "<i8"), ("reckoning_ns", "<i8"),
         ("largest_std", "<f8", (n,)), ("awaited", "<i4", (s,)), ("command_wait_ns", "<i8"), ("cost_share", "<f8"),
-        ("feeds", "<i8"), ("acknowledged_ns", "<i8"),
+        ("feeds", "<i8"), ("acknowledged_ns", "<i8"), ("queue", "<i8"),
+        ("stands_for", "<i8"), ("stand_gain", "<f8", (k,)), ("stand_offset", "<f8"), ("stand_plus", "<i8"),
     )  # fmt: skip
 
 

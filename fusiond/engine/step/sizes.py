@@ -8,7 +8,6 @@ SENSORS = 1
 FILTERS = 2
 PAYLOAD = 1
 CONTROLS = 0
-QUEUE = 0
 FEEDS = 0
 """1 where the command drives the prediction."""
 CELLS = 0

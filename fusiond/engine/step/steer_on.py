@@ -12,11 +12,12 @@ import numpy as np
 
 from fusiond.control.levels import SAFE, level_of, safe_command
 from fusiond.control.saturation import left_of_fade, limited, slewed
+from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Health
 
 from .law import command, cost
-from .sizes import CONTROLS, ERRORS, QUEUE, SENSORS
+from .sizes import CONTROLS, ERRORS, SENSORS
 
 EXCLUDED = int(Health.EXCLUDED)
 PROBATION = int(Health.PROBATION)
@@ -67,9 +68,9 @@ def trusts(design: Any, report: Any) -> bool:
 
 
 @kernel
-def note_done(desk: Any, now_ns: int) -> None:
+def note_done(desk: Any, design: Any, now_ns: int) -> None:
     """What the last command became: as sent, or as the actuator has acknowledged since."""
-    told = QUEUE == 0 and desk.has_applied and desk.applied_t_ns >= desk.command_t_ns
+    told = design.queue == 0 and desk.has_applied and desk.applied_t_ns >= desk.command_t_ns
     for i in range(CONTROLS):
         desk.done[i] = desk.applied[i] if told and desk.applied_t_ns <= now_ns else desk.command[i]
 
@@ -86,7 +87,7 @@ def source_of(track: Any, report: Any) -> int:
 @kernel
 def want(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> bool:
     """Ask the law, and take off the bump that a switch of the estimate makes; False where an answer is not finite."""
-    note_done(desk, now_ns)
+    note_done(desk, design, now_ns)
     command(report.x, desk, design.law_at, design.c, desk.wanted)
     source = source_of(track, report)
     switched = desk.command_given and (source != desk.source or desk.safe_since_ns != 0)
@@ -118,8 +119,7 @@ def retreat(desk: Any, design: Any, now_ns: int) -> None:
     """Write the safe command."""
     if desk.safe_since_ns == 0:
         desk.safe_since_ns = now_ns
-        for i in range(CONTROLS):
-            desk.safe_from[i] = desk.command[i]
+        copy_vector(desk.command, desk.safe_from)
     since_ns = now_ns - desk.safe_since_ns
     for i in range(CONTROLS):
         last, begun, safe = desk.command[i], desk.safe_from[i], design.safe_command[i]
@@ -127,18 +127,18 @@ def retreat(desk: Any, design: Any, now_ns: int) -> None:
 
 
 @kernel
-def enqueue(desk: Any, skipped: int) -> None:
-    """Let the command before act on for the periods skipped, and queue the new one; desk.acting is what acts now."""
-    if QUEUE == 0:
-        for i in range(CONTROLS):
-            desk.acting[i] = desk.command[i]
+def enqueue(desk: Any, design: Any) -> None:
+    """Queue the command; desk.acting is what acts now. For periods that were skipped the command before acted on."""
+    last = design.queue - 1
+    if last < 0:
+        copy_vector(desk.command, desk.acting)
         return
-    for turn in range(min(skipped, QUEUE) + 1):
-        for i in range(CONTROLS):
-            desk.acting[i] = desk.queue[0, i]
-            for place in range(QUEUE - 1):
-                desk.queue[place, i] = desk.queue[place + 1, i]
-            desk.queue[QUEUE - 1, i] = desk.command[i] if turn == min(skipped, QUEUE) else desk.sent[i]
+    turns = min(desk.command_periods - 1, design.queue) + 1
+    for turn in range(turns):
+        copy_vector(desk.queue[0], desk.acting)
+        for place in range(last):
+            copy_vector(desk.queue[place + 1], desk.queue[place])
+        copy_vector(desk.command if turn == turns - 1 else desk.sent, desk.queue[last])
 
 
 @kernel
@@ -155,8 +155,7 @@ def steer(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None:
     if not is_due(track, desk, design, now_ns, report):
         return
     report.command_due = 1
-    for i in range(CONTROLS):
-        desk.sent[i] = desk.command[i]
+    copy_vector(desk.command, desk.sent)
     reckoned_ns = now_ns - track.update_ns - design.dead_reckoning_ns
     level = level_of(
         report.service, desk.has_reference != 0, trusts(design, report), reckoned_ns, design.reckoning_ns
@@ -169,7 +168,6 @@ def steer(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None:
         report.command_valid = 1
     else:
         retreat(desk, design, now_ns)
-    enqueue(desk, desk.command_periods - 1)
+    enqueue(desk, design)
     desk.command_t_ns = now_ns
-    for i in range(CONTROLS):
-        report.command[i] = desk.command[i]
+    copy_vector(desk.command, report.command)
