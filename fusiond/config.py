@@ -198,6 +198,9 @@ class ControlSection(Section):
     """Longest such wait; by default half a period."""
     dead_reckoning_s: NotNegative | None = None
     """Longest time that commands come from dead reckoning; by default until the estimate is invalid."""
+    doubt_s: NotNegative | None = None
+    """Longest time that commands come from an estimate that no sound sensor corrects, only suspect or faulty ones; by
+    default no limit."""
     largest_std: dict[str, Positive] = {}
     """Deviations of the estimate, by name with unit, above which nothing is commanded but the safe command."""
     safe: Literal["hold", "zero", "ramp"] = "hold"

@@ -109,16 +109,19 @@ def fill_control(resolved: Resolved, record: np.record) -> None:
     record["safe_mode"] = Safe[section.safe.upper()]
     record["safe_ramp_ns"] = nanoseconds(section.safe_ramp_s)
     record["fade_ns"] = nanoseconds(section.fade_s)
-    forever = section.dead_reckoning_s is None
-    record["reckoning_ns"] = (
-        np.iinfo(np.int64).max if forever else nanoseconds(section.dead_reckoning_s or 0.0)
-    )
+    record["reckoning_ns"] = _patience(section.dead_reckoning_s)
+    record["doubt_ns"] = _patience(section.doubt_s)
     largest = by_key(section.largest_std, resolved.process.error_slots, "control.largest_std")
     record["largest_std"] = [largest.get(slot.name, np.inf) for slot in resolved.process.error_slots]
     _fill_waiting(resolved, section, record)
     record["cost_share"] = min(1.0, 1.0 / (section.cost_time_s * section.rate_hz))
     fill_stand_in(resolved, record)
     record["acknowledged_ns"] = _acknowledged_ns(resolved, section)
+
+
+def _patience(said_s: float | None) -> int:
+    """Nanoseconds, without end where nothing is said."""
+    return np.iinfo(np.int64).max if said_s is None else nanoseconds(said_s)
 
 
 def _fill_waiting(resolved: Resolved, section: ControlSection, record: np.record) -> None:

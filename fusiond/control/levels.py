@@ -5,8 +5,9 @@
     degraded         some sensor is not used, the others correct the state          the law's            yes
     dead_reckoning   nothing has corrected the state, not for too long yet          the law's            yes
     safe             the state is invalid or not finite, dead reckoning took too    the safe one         no
-                     long, a deviation is too large, there is no reference, or
-                     the service missed its deadline
+                     long, no sound sensor has corrected it for too long, a
+                     deviation is too large, there is no reference, or the
+                     service missed its deadline
 
 The first three are the service's health (`types.ServiceHealth`); whatever happens, `safe` is one step away and is left as
 soon as its reason is gone. The safe command, of which the configuration chooses the mode:

@@ -17,12 +17,14 @@ from fusiond.engine.engine import Engine
 from fusiond.simulation.faults import parse_faults
 from fusiond.simulation.faults_injection import Injection
 from fusiond.simulation.rig import STEP_NS, PointRig, birotor, minicar
-from fusiond.types import NANOSECONDS, TICK
+from fusiond.types import NANOSECONDS, TICK, Health, Role
 from tools.pages.trials import records
 
-BEGIN_S, LAST_S, DURATION_S = 10.0, 4.0, 20.0
+BEGIN_S, LAST_S, DURATION_S = 10.0, 5.0, 30.0
 TICK_NS = 50_000_000
 """The daemon's ticks, 20 Hz: only where nothing came meanwhile."""
+LOST_S = 0.1
+"""A correction older than this is none."""
 TIMES = 3.0
 """Goal kept: so many times the fault-free distance, root mean square."""
 
@@ -90,6 +92,39 @@ class FaultRun:
             return None
         return float(self.commands[np.flatnonzero(valid)[-1] + 1, 0] - BEGIN_S) if valid.any() else 0.0
 
+    def lost_after_s(self) -> float | None:
+        """Time from the fault until no sound sensor corrected the state any more, to the end; None where one did."""
+        sound = (self.commands[:, 4] > 0) & (self.commands[:, 3] < LOST_S)
+        if sound[-1]:
+            return None
+        last = np.flatnonzero(sound)
+        at = self.commands[last[-1] + 1] if last.size else self.commands[0]
+        return float(at[0] - at[3] * (at[4] > 0) - BEGIN_S)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of one fault.
+
+    Args:
+        times: distance from the goal over the last seconds, over the fault-free one.   kept: the goal was.
+        safe_s: from the loss of the last sound sensor to the safe state, None where commands went on to the end.
+        in_time: so soon as configured.
+    """
+
+    name: str
+    times: float
+    farthest_m: float
+    kept: bool
+    safe_s: float | None
+    in_time: bool
+    unsafe: dict[str, int]
+
+    @property
+    def ok(self) -> bool:
+        """Goal kept or safe in time, and no command that should not have been."""
+        return (self.kept or self.in_time) and not self.unsafe
+
 
 class FaultLoop:
     """One configuration's engine, closed around its plant as often as asked."""
@@ -142,4 +177,22 @@ class FaultLoop:
         for reason, holds in reasons.items():
             if holds:
                 unsafe[reason] = unsafe.get(reason, 0) + 1
-        return t_ns / NANOSECONDS, force, float(valid), age_ns / NANOSECONDS, float(report["std"][0])
+        healthy = report["health"] == int(Health.HEALTHY)
+        sound = float(bool((healthy & (design["role"] == int(Role.UPDATE))).any()))
+        return t_ns / NANOSECONDS, force, float(valid), age_ns / NANOSECONDS, sound
+
+    @property
+    def allowed_s(self) -> float:
+        """Longest time from the loss of the last sound sensor to the safe state."""
+        design = self._design
+        reckoned_ns = int(design["dead_reckoning_ns"]) + int(design["reckoning_ns"])
+        return (max(reckoned_ns, int(design["doubt_ns"])) + 2 * int(design["control_period_ns"])) / NANOSECONDS
+
+    def outcome(self, name: str, inject: str, fault_free_m: float) -> Outcome:
+        """One fault of the catalogue."""
+        run = self.run([inject])
+        times = run.rms_m(self.goal_m) / fault_free_m
+        safe, lost = run.safe_after_s(), run.lost_after_s()
+        took = None if safe is None else safe - (lost or 0.0)
+        in_time = took is not None and lost is not None and took <= self.allowed_s
+        return Outcome(name, times, run.farthest_m(self.goal_m), times <= TIMES, took, in_time, run.unsafe)

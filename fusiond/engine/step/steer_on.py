@@ -14,11 +14,13 @@ from fusiond.control.levels import SAFE, level_of, safe_command
 from fusiond.control.saturation import left_of_fade, limited, slewed
 from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.kernel import kernel
-from fusiond.types import Health
+from fusiond.types import Health, Role
 
 from .law import command, cost
 from .sizes import CONTROLS, ERRORS, SENSORS
 
+UPDATE = int(Role.UPDATE)
+HEALTHY = int(Health.HEALTHY)
 EXCLUDED = int(Health.EXCLUDED)
 PROBATION = int(Health.PROBATION)
 SILENT = int(Health.SILENT)
@@ -65,6 +67,20 @@ def trusts(design: Any, report: Any) -> bool:
         if report["std"][i] > design.largest_std[i]:
             return False
     return True
+
+
+@kernel
+def doubts(desk: Any, design: Any, now_ns: int, report: Any) -> bool:
+    """Whether for too long no sensor that is beyond doubt has been correcting the state."""
+    sound = False
+    for sensor in range(SENSORS):
+        sound = sound or (design.role[sensor] == UPDATE and report.health[sensor] == HEALTHY)
+    if sound:
+        desk.doubt_since_ns = 0
+        return False
+    if desk.doubt_since_ns == 0:
+        desk.doubt_since_ns = now_ns
+    return bool(now_ns - desk.doubt_since_ns > design.doubt_ns)
 
 
 @kernel
@@ -157,8 +173,9 @@ def steer(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None:
     report.command_due = 1
     copy_vector(desk.command, desk.sent)
     reckoned_ns = now_ns - track.update_ns - design.dead_reckoning_ns
+    trusted = trusts(design, report) and not doubts(desk, design, now_ns, report)
     level = level_of(
-        report.service, desk.has_reference != 0, trusts(design, report), reckoned_ns, design.reckoning_ns
+        report.service, desk.has_reference != 0, trusted, reckoned_ns, design.reckoning_ns
     )
     if level != SAFE and want(track, desk, design, now_ns, report):
         allow(desk, design, now_ns)
