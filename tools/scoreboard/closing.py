@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numba
@@ -31,6 +32,7 @@ class World:
     delay: int = 0
 
 
+@cache
 def loop_of(run: Any) -> Callable[..., int]:
     """The loop around one configuration's compiled step."""
 
