@@ -102,6 +102,8 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
     tests["usual_share"] = [
         min(1.0, 1.0 / (USUAL_S * rate_hz(resolved, sensor))) for sensor in resolved.sensors
     ]
+    if record["stands_for"] >= 0:
+        tests["usual_share"][record["stands_for"]] = 0.0  # the command says what it would be, not its past
     tests["dead_band"], tests["studentise"] = detection.dead_band, detection.studentise
 
 

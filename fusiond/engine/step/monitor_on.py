@@ -152,6 +152,12 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
+def take_for_usual(track: Any, sensor: int, value: float) -> None:
+    """What an input of one number is taken to be while it is out."""
+    track.monitor.usual[sensor, 0] = value
+
+
+@kernel
 def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
     """Learn what the input usually is, and whether it repeats itself."""
     monitor, sensor = track.monitor, reading.sensor
