@@ -82,7 +82,12 @@ def test_limits_slew_and_fade_are_what_they_say():
     assert (limited(3.0, -1.0, 2.0), limited(-3.0, -1.0, 2.0), limited(0.5, -1.0, 2.0)) == (2.0, -1.0, 0.5)
     assert (slewed(3.0, 1.0, 0.5), slewed(-3.0, 1.0, 0.5), slewed(1.2, 1.0, 0.5)) == (1.5, 0.5, 1.2)
     assert slewed(3.0, 1.0, np.inf) == 3.0
-    assert (left_of_fade(0, 4), left_of_fade(3, 4), left_of_fade(4, 4), left_of_fade(0, 0)) == (1.0, 0.25, 0.0, 0.0)
+    assert (left_of_fade(0, 4), left_of_fade(3, 4), left_of_fade(4, 4), left_of_fade(0, 0)) == (
+        1.0,
+        0.25,
+        0.0,
+        0.0,
+    )
 
 
 def test_the_command_is_the_gain_times_the_estimate(engine, assembly):
@@ -127,6 +132,7 @@ def test_an_acknowledgement_takes_the_place_of_the_command(engine):
 
 def test_acknowledging_every_command_gives_the_bits_of_acknowledging_none(engine):
     """What the engine takes for granted is what an honest actuator would say."""
+
     def run(acknowledging):
         engine.reset()
         rng = np.random.default_rng(5)
@@ -205,6 +211,7 @@ def test_an_estimate_that_knows_too_little_commands_nothing(engine):
 
 def test_a_sensor_that_goes_makes_no_bump(engine):
     """With a fade, the first command after the loss is the last one before; without, it jumps."""
+
     def jump(fade_ns):
         engine.reset()
         engine._design["fade_ns"] = fade_ns
@@ -236,7 +243,10 @@ def test_a_late_command_waits_in_the_queue(shared, delay):
     """u(k) drives the prediction from k + delay on; the law knows what is under way."""
     late = configured(
         "reference_plant_lqg",
-        {"filter": {"leave_one_out": False, "local_filters": False}, "control": {"delay_s": float(delay), "fade_s": 0.0}},
+        {
+            "filter": {"leave_one_out": False, "local_filters": False},
+            "control": {"delay_s": float(delay), "fade_s": 0.0},
+        },
     )
     assert late.layout.desk == shared.layout.desk
     shared._design[:] = late.design

@@ -43,7 +43,9 @@ def write_acting(desk: Any, design: Any, now_ns: int, reading: Any) -> bool:
     acknowledges = design.role[design.feeds] == INPUT and desk.has_applied
     if acknowledges and abs(now_ns - desk.applied_t_ns) <= design.acknowledged_ns:
         return False
-    in_step = design.step_ns > 0  # a discrete model: the command is that of its step, however late it was computed
+    in_step = (
+        design.step_ns > 0
+    )  # a discrete model: the command is that of its step, however late it was computed
     reading.t_ns = desk.command_due_ns - design.control_period_ns if in_step else now_ns
     reading.arrival_ns = 0
     reading.seq = 0

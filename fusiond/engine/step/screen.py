@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.engine.records import FED, CENTRAL, HAS_R, HAS_SEQ
+from fusiond.engine.records import CENTRAL, FED, HAS_R, HAS_SEQ
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Role, Verdict
 
