@@ -1,4 +1,4 @@
-"""The expected cost of control: the figures of the reference plant, and what a loop written apart from all really costs."""
+"""The expected cost of control: the figures of the reference plant, and what a loop written apart really costs."""
 
 from __future__ import annotations
 

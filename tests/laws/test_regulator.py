@@ -119,7 +119,7 @@ def test_parts_of_a_delay():
 
 
 def test_the_target_is_where_the_plant_rests():
-    """xs = F xs + B us + E d with C xs the reference, the feedforward on top; more references than controls are refused."""
+    """xs = F xs + B us + E d, C xs the reference, feedforward on top; more references than controls are refused."""
     plant = queued(A, B, REFERENCE, np.zeros((3, 3)), 0, 1.0)
     E = np.array([[0.1], [0.0], [0.2]])
     aim = targets(plant, C, E, np.array([0.7])) @ np.array([2.0, -1.0, 1.0])

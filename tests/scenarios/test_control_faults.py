@@ -1,6 +1,6 @@
 """The closed loop while a sensor lies: the goal is kept, or the plant is made safe in time; no unsafe command.
 
-The whole catalogue is measured by `python -m tools.pages.control_page` (docs/control.md); here one fault of each family.
+The whole catalogue is measured by `python -m tools.pages.control_page` (docs/control.md); here a fault of each family.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def test_a_loop_that_loses_nothing_it_needs_keeps_its_goal(loop, name):
 
 @pytest.mark.parametrize("name", STOPPED)
 def test_a_loop_without_a_sound_position_is_made_safe_in_time(loop, name):
-    """GIVEN the only position sensor, WHEN it falls silent or is found to lie, THEN the safe command within the time that
-    the configuration allows, and it stays."""
+    """GIVEN the only position sensor, WHEN it falls silent or is found to lie, THEN the safe command within the time
+    that the configuration allows, and it stays."""
     closed, _ = loop
     run, _ = outcome(loop, name)
     assert not run.unsafe

@@ -32,8 +32,8 @@ def fault_rows(effort: Effort, result: Result) -> None:
         good = sum(one.ok for one in found)
         kept, safe = sum(one.kept for one in found), sum(one.in_time for one in found)
         missed = [f"{one.name} ({one.times:.1f} x)" for one in found if not one.ok]
-        told = f"{name}: goal kept within {TIMES:g} x the fault-free {1e3 * fault_free_m:.2f} mm ({kept} faults), or safe "
-        told += f"in the configured time ({safe}), of {len(found)} faults, one run each"
+        told = f"{name}: goal kept within {TIMES:g} x the fault-free {1e3 * fault_free_m:.2f} mm ({kept} faults), or "
+        told += f"safe in the configured time ({safe}), of {len(found)} faults, one run each"
         told += f"; neither: {', '.join(missed)}" if missed else ""
         result.rows.append(
             Row(f"5.control.faults.{name.removesuffix('_lqg')}", told, good / len(found), "of faults", "", None, "1",
@@ -57,7 +57,8 @@ def turn_rows(result: Result) -> None:
     engine = configured("single_track_lqg").engine()
     for speed in SPEEDS_KM_H:
         driven = turn(engine, speed)
-        told = f"J-turn at {speed:g} km/h: yaw rate from a second after the ramp, error over what is wanted, root mean square; "
+        told = f"J-turn at {speed:g} km/h: yaw rate from a second after the ramp, error over what is wanted, root "
+        told += "mean square; "
         told += f"largest error on the way {driven.largest:.1%}"
         result.rows.append(
             Row(f"5.control.jturn.{speed:g}", told, driven.steady_rms, "", "", None, "reported", True)
