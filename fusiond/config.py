@@ -191,7 +191,7 @@ class ControlSection(Section):
     slew: dict[str, Positive] = {}
     """Fastest change of the command, by name with unit and `_s` (per second): { force_n_s = 20.0 }."""
     fade_s: NotNegative = 0.0
-    """The bump of the command when a sensor is excluded, comes back or the state is reset is faded out over this time."""
+    """The bump of the command when a sensor comes or goes, or the state is reset, is faded out over this time."""
     waits_for: list[str] = []
     """Sensors whose reading of the same moment a due command waits for, unless they missed the last."""
     wait_s: NotNegative | None = None
@@ -211,7 +211,7 @@ class ControlSection(Section):
     safe_ramp_s: Positive = 1.0
     """How long the ramp takes."""
     stand_in: StandInSection | None = None
-    """What the command stands in for; by default nothing."""
+    """What the command stands in for, with a section [faults]; by default nothing."""
     deadline_s: Positive | None = None
     """Time without a command after which the service publishes the safe one; by default five periods of commands, or
     of `service.tick_hz`, and no less than 0.25 s."""

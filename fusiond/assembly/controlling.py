@@ -28,7 +28,7 @@ def queue_room(commands: int) -> int:
 def feeding_sensor(resolved: Resolved) -> int:
     """Number of the sensor whose reading a command is; -1 where the command drives and replaces nothing."""
     law, section = resolved.law, resolved.config.control
-    if law is None or section is None or not (law.drives or section.stand_in):
+    if law is None or section is None or not (law.drives or stands_in(resolved)):
         return -1
     wanted = Role.INPUT if law.drives else Role.APPLIED
     for number, sensor in enumerate(resolved.sensors):
@@ -37,19 +37,26 @@ def feeding_sensor(resolved: Resolved) -> int:
     return -1
 
 
+def stands_in(resolved: Resolved) -> bool:
+    """Whether the command stands in for an input; without [faults] no input is ever found to be out."""
+    section = resolved.config.control
+    return section is not None and section.stand_in is not None and resolved.config.faults is not None
+
+
 def fill_stand_in(resolved: Resolved, record: np.record) -> None:
-    """What the command stands in for: the input it becomes is gain times the command, plus offset. Raises ConfigError."""
+    """What the command stands in for: that input is gain times the command, plus offset. Raises ConfigError."""
     law, section = resolved.law, resolved.config.control
-    if law is None or section is None or section.stand_in is None:
+    if law is None or section is None or section.stand_in is None or not stands_in(resolved):
         return
     told, plan = section.stand_in, law.plan
     names = [sensor.name for sensor in resolved.sensors]
-    if plan is None or law.drives or resolved.config.faults is None:
-        raise ConfigError(
-            "control.stand_in: needs a law with a plant of its own (A and B) and a section [faults]; leave it out"
-        )
+    if plan is None or law.drives:
+        raise ConfigError("control.stand_in: needs a law with a plant of its own (A and B); leave it out")
     said = resolved.config.sensor.get(told.sensor)
-    if not getattr(said, "without_input_std", None) or len(resolved.sensors[names.index(told.sensor)].drives) != 1:
+    if (
+        not getattr(said, "without_input_std", None)
+        or len(resolved.sensors[names.index(told.sensor)].drives) != 1
+    ):
         raise ConfigError(
             f"control.stand_in.sensor: `{told.sensor}` is no input of one number with `without_input_std`; name one"
         )
@@ -64,7 +71,9 @@ def fill_stand_in(resolved: Resolved, record: np.record) -> None:
     record["stand_gain"][: len(row)] = row
     record["stand_offset"] = -float(row @ plan.targets[n:, -1])
     if told.plus is not None:
-        record["stand_plus"] = [s.name for s in resolved.process.states].index(resolved.process.slot(told.plus).name)
+        record["stand_plus"] = [s.name for s in resolved.process.states].index(
+            resolved.process.slot(told.plus).name
+        )
 
 
 def longest_wait_s(section: ControlSection) -> float:

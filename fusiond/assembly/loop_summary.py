@@ -79,4 +79,5 @@ def _with_filter(resolved: Resolved, plan: Plan) -> Loop | None:
         R[row : row + len(event.R), row : row + len(event.R)] = event.R
         row += len(event.R)
     S = H @ P @ H.T + R
-    return estimated_loop(plan, H, np.linalg.solve(S, H @ P).T)
+    gain: Matrix = np.asarray(np.linalg.solve(S, H @ P).T, dtype=np.float64)
+    return estimated_loop(plan, H, gain)

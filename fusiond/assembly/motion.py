@@ -42,7 +42,8 @@ def motion_of(process: Process, module: ModuleType, period_s: float, around: Map
         pieces, piece_s = round(period_s / process.step_s), process.step_s
         if pieces < 1 or abs(pieces * piece_s - period_s) > PIECES * period_s:
             raise ConfigError(
-                f"rate_hz: a period of {period_s:g} s is no multiple of the model's step of {piece_s:g} s; choose another"
+                f"rate_hz: a period of {period_s:g} s is no multiple of the model's step of {piece_s:g} s; "
+                "choose another"
             )
     elif process.max_step_s > 0.0:
         pieces = int(np.ceil(period_s / process.max_step_s - PIECES))

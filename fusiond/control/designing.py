@@ -150,8 +150,8 @@ def _sampled_own(setting: Setting, wish: Wish, part: _Part) -> Plant:
     periods, rest_s = parts(wish.delay_s, setting.period_s)
     if rest_s > 0.0:
         raise ConfigError(
-            f"delay_s: {wish.delay_s:g} s is no whole number of periods ({setting.period_s:g} s), and the command drives "
-            "the prediction; choose another rate_hz"
+            f"delay_s: {wish.delay_s:g} s is no whole number of periods ({setting.period_s:g} s), and the command "
+            "drives the prediction; choose another rate_hz"
         )
     if setting.discrete:
         return queued(part.F, part.B, density, part.W, periods, setting.period_s)
@@ -224,8 +224,8 @@ def law_of(process: Process, plan: Plan, part: _Part, unwinding: float = 0.0) ->
 def flat(plan: Plan, unwinding: float) -> tuple[float, ...]:
     """Header (n, m, r, k, D, q, period), K, targets, cost, L, unwinding gain Y, places of the integrated states.
 
-    What a command lacks of what was wanted goes back into the integrals as Y (done - wanted), Y = -unwinding L^+: after one
-    such step that share of the lack is gone.
+    What a command lacks of what was wanted goes back into the integrals as Y (done - wanted), Y = -unwinding L^+: after
+    one such step that share of the lack is gone.
     """
     n, m = plan.plant.states, plan.plant.controls
     r, k = len(plan.tracked), len(plan.disturbances)

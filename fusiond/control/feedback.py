@@ -3,8 +3,8 @@
     (xs, us)  where the plant rests at the reference, disturbances as estimated and the feedforward taken into account
     q         integrals of what is tracked, minus its reference; q+ = q + period (C x - reference) + Y (done - wanted)
 
-Their parameters c are laid out by `designing.flat`: header (n, m, r, k, D, q, period), K (m, N), targets (n + m, r + k +
-1), cost (N + m, N + m), L (m, q), Y (q, m), places of the integrated states (q), with N = n + D m.
+Their parameters c are laid out by `designing.flat`: header (n, m, r, k, D, q, period), K (m, N), targets (n + m, r + k
++ 1), cost (N + m, N + m), L (m, q), Y (q, m), places of the integrated states (q), with N = n + D m.
 """
 
 from __future__ import annotations

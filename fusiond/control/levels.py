@@ -9,8 +9,8 @@
                      deviation is too large, there is no reference, or the
                      service missed its deadline
 
-The first three are the service's health (`types.ServiceHealth`); whatever happens, `safe` is one step away and is left as
-soon as its reason is gone. The safe command, of which the configuration chooses the mode:
+The first three are the service's health (`types.ServiceHealth`); whatever happens, `safe` is one step away and is left
+as soon as its reason is gone. The safe command, of which the configuration chooses the mode:
 
     hold    the last command stands
     zero    the safe command at once

@@ -38,7 +38,8 @@ def describe(
     """Describe the law.
 
     Args:
-        controls, state_cost, input_cost, tracks, states, A, B, W, units, around, disturbances, feedforward: as of `lqg`.
+        controls, state_cost, input_cost, tracks, states, A, B, W, units, around, disturbances, feedforward: as of
+            `lqg`.
     """
     wish = Wish(
         controls, state_cost, input_cost, tracks, states, A, B, W, units, around, disturbances, feedforward

@@ -1,6 +1,6 @@
 """The plant a regulator is designed for: sampled once a command, commands that have not acted yet among its states.
 
-    z = (x, u(k-D), ..., u(k-1)),   z+ = F z + B u(k) + w,   w ~ N(0, diag(W, 0)),   cost per command (z, u)' cost (z, u)
+    z = (x, u(k-D), ..., u(k-1)),   z+ = F z + B u(k) + w,   w ~ N(0, diag(W, 0)),   cost (z, u)' cost (z, u)
 
 A delay of whole periods only moves the queue. With a rest of a period, the command before acts until the rest has
 passed: the period is sampled in two pieces.

@@ -18,6 +18,8 @@ HAS_SEQ = 1
 """Reading flag: `seq` was sent by the sensor."""
 HAS_R = 2
 """Reading flag: `R` holds the covariance that came with the reading (unit of z squared)."""
+FED = 8
+"""Reading flag: nobody sent it, it is the engine's own command (engine.step.feed_on)."""
 HAS_ARRIVAL = 4
 """Reading flag: `arrival_ns` was measured by a clock; without it nothing is known of when the reading came."""
 
@@ -174,7 +176,8 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     periods of the grid since; sent: the one before.   wanted, done: the last command before its limits, and what became
     of it.   queue: commands that have not acted yet, oldest first; acting: the one that acts now.   memory: the law's
     own.   source, bump: what the estimate is made of, and what is faded since that last changed.   safe_*: since when
-    the command is the safe one (0: it is not), and the last before.   doubt_since_ns: since when no sound sensor corrects the state (0: one does).   cost*: mean cost of the commands so far.
+    the command is the safe one (0: it is not), and the last before.   doubt_since_ns: since when no sound sensor
+    corrects the state (0: one does).   cost*: mean cost of the commands so far.
     seq_top, seq_seen: highest sequence number of each sensor and which of the 64 up to it came (bit 0: the highest).
     """
     k, s, queue = shape.controls, shape.sensors, shape.queue
@@ -188,7 +191,8 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
         ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)), ("has_applied", "<i8"),
         ("command", "<f8", (k,)), ("command_due_ns", "<i8"), ("command_started", "<i8"), ("command_t_ns", "<i8"),
         ("command_given", "<i8"), ("command_periods", "<i8"), ("sent", "<f8", (k,)), ("wanted", "<f8", (k,)),
-        ("done", "<f8", (k,)), ("queue", "<f8", (queue, k)), ("acting", "<f8", (k,)), ("memory", "<f8", (shape.memory,)),
+        ("done", "<f8", (k,)), ("queue", "<f8", (queue, k)), ("acting", "<f8", (k,)),
+        ("memory", "<f8", (shape.memory,)),
         ("source", "<i8"), ("bump", "<f8", (k,)), ("bump_ns", "<i8"), ("safe_since_ns", "<i8"),
         ("safe_from", "<f8", (k,)), ("doubt_since_ns", "<i8"), ("cost", "<f8"), ("cost_count", "<i8"),
     )  # fmt: skip
@@ -212,9 +216,10 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
     quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
     Of the command: c, law_at (the law's parameters, the states it reads), lowest, highest, slew (limits; change per s),
-    fade_ns, safe_mode, safe_command, safe_ramp_ns, reckoning_ns, doubt_ns (longest dead reckoning, longest without a sound sensor), largest_std (n,), awaited (s,)
-    and command_wait_ns (whom a due command waits for, and how long), cost_share (of the newest cost in the mean); queue:
-    commands that wait; feeds: the sensor whose reading a command is, and acknowledged_ns: how long an acknowledgement stands for the next.
+    fade_ns, safe_mode, safe_command, safe_ramp_ns, reckoning_ns, doubt_ns (longest dead reckoning, longest without a
+    sound sensor), largest_std (n,), awaited (s,), command_wait_ns (whom a due command waits for, and how long),
+    cost_share (of the newest cost in the mean), queue (commands that wait), feeds (the sensor whose reading a command
+    is), acknowledged_ns (how long an acknowledgement stands for the next).
     stands_for: the input that the command replaces while it is out, as gain times command, plus offset, plus a state.
     """
     n, s, m, k = shape.errors, shape.sensors, shape.payload, shape.controls
@@ -237,7 +242,8 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
         ("control_period_ns", "<i8"), ("c", "<f8", (shape.law_parameters,)), ("law_at", "<i8", (shape.slots,)),
         ("lowest", "<f8", (k,)), ("highest", "<f8", (k,)), ("slew", "<f8", (k,)), ("fade_ns", "<i8"),
-        ("safe_mode", "<i8"), ("safe_command", "<f8", (k,)), ("safe_ramp_ns", "<i8"), ("reckoning_ns", "<i8"), ("doubt_ns", "<i8"),
+        ("safe_mode", "<i8"), ("safe_command", "<f8", (k,)), ("safe_ramp_ns", "<i8"), ("reckoning_ns", "<i8"),
+        ("doubt_ns", "<i8"),
         ("largest_std", "<f8", (n,)), ("awaited", "<i4", (s,)), ("command_wait_ns", "<i8"), ("cost_share", "<f8"),
         ("feeds", "<i8"), ("acknowledged_ns", "<i8"), ("queue", "<i8"),
         ("stands_for", "<i8"), ("stand_gain", "<f8", (k,)), ("stand_offset", "<f8"), ("stand_plus", "<i8"),

@@ -43,8 +43,8 @@ def regulator(F: Matrix, B: Matrix, cost: Matrix) -> tuple[Matrix, Matrix]:
     n = len(F)
     Q, N, R = cost[:n, :n], cost[:n, n:], cost[n:, n:]
     try:
-        S = symmetric(solve_discrete_are(F, B, Q, R, s=N))
-        K = np.linalg.solve(R + B.T @ S @ B, B.T @ S @ F + N.T)
+        S = symmetric(np.asarray(solve_discrete_are(F, B, Q, R, s=N), dtype=np.float64))
+        K: Matrix = np.asarray(np.linalg.solve(R + B.T @ S @ B, B.T @ S @ F + N.T), dtype=np.float64)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise Unsolvable(str(error)) from error
     off = riccati_residual(F, B, cost, S, K)

@@ -1,10 +1,10 @@
 """Estimate and control as packed records, for consumers that count microseconds (`service.format = "record"`).
 
 `<4sBBHQQqQ` magic `FUSE` (estimate) or `FUSC` (control), version (2, 1), health of the service (0 nominal, 1 degraded,
-2 dead reckoning, 3 invalid; of a command its level, 3 safe), count n, u64 seq, u64 epoch, i64 t_ns, u64 resets (estimate) or valid (control); then
-f64 state[n], std[m], jump[m] (estimate; the last reset's, zeros before the first) or u[n], age_s (control); u32 CRC-32
-of all before. Names and order of the numbers are those of the configuration (ask `config`). An estimate that is not
-finite has no state and std, n = 0, and health 3.
+2 dead reckoning, 3 invalid; of a command its level, 3 safe), count n, u64 seq, u64 epoch, i64 t_ns, u64 resets
+(estimate) or valid (control); then f64 state[n], std[m], jump[m] (estimate; the last reset's, zeros before the first)
+or u[n], age_s (control); u32 CRC-32 of all before. Names and order of the numbers are those of the configuration (ask
+`config`). An estimate that is not finite has no state and std, n = 0, and health 3.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The mini car and the bi-rotor in a closed loop while a sensor lies: every fault of the catalogue that applies to them.
+"""The mini car and the bi-rotor in a closed loop while a sensor lies: every fault of the catalogue that applies.
 
-One run: from rest to the goal, a fault at BEGIN_S, judged over the last seconds. The engine hears the sensors in the order
-of their stamps, the force is its last command (in a safe state the safe one); time also passes where no reading says so.
+One run: from rest to the goal, a fault at BEGIN_S, judged over the last seconds. The engine hears the sensors in the
+order of their stamps, the force is its last command (in a safe state the safe one); time passes without readings too.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ CATALOGUE: dict[str, str] = {
     "acceleration spike, 10 readings": "accelerometer.bias=100@10+0.01",
     "acceleration drift": "accelerometer.drift=0.1@10",
 }
-"""What applies to two such sensors of the faults that other estimators' own tests and users name: steps, outages, frozen
-values, noise, drifts, spikes, scale, timing, not a number, data now and then."""
+"""What applies to two such sensors of the faults that other estimators' own tests and users name: steps, outages,
+frozen values, noise, drifts, spikes, scale, timing, not a number, data now and then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +186,9 @@ class FaultLoop:
         """Longest time from the loss of the last sound sensor to the safe state."""
         design = self._design
         reckoned_ns = int(design["dead_reckoning_ns"]) + int(design["reckoning_ns"])
-        return (max(reckoned_ns, int(design["doubt_ns"])) + 2 * int(design["control_period_ns"])) / NANOSECONDS
+        return (
+            max(reckoned_ns, int(design["doubt_ns"])) + 2 * int(design["control_period_ns"])
+        ) / NANOSECONDS
 
     def outcome(self, name: str, inject: str, fault_free_m: float) -> Outcome:
         """One fault of the catalogue."""

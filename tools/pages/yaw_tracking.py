@@ -60,7 +60,9 @@ def turn(engine: Engine, speed_km_h: float, seed: int = 0) -> Turn:
     speed = speed_km_h / 3.6
     state, after = np.zeros((1, 10)), np.zeros((1, 10))
     state[0, 0] = speed
-    steering, rows, felt = 0.0, [], []
+    steering = 0.0
+    rows: list[tuple[float, ...]] = []
+    felt: list[float] = []
     for step in range(round(DURATION_S / STEP_S) + 1):
         if step % SAMPLE == 0:
             t_ns = step * 1_000_000

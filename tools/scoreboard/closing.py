@@ -36,10 +36,10 @@ class World:
 def loop_of(run: Any) -> Callable[..., int]:
     """The loop around one configuration's compiled step."""
 
-    @numba.njit(nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+    @numba.njit(nogil=True, error_model="numpy")
     def loop(
-        engine: Any, A: Any, B: Any, C: Any, delay: int, w: Any, v: Any, there: Any, numbers: Any, x: Any, y: Any, u: Any,
-        readings: Any, reports: Any, blank: Any, nothing: Any, first: int,
+        engine: Any, A: Any, B: Any, C: Any, delay: int, w: Any, v: Any, there: Any, numbers: Any, x: Any,
+        y: Any, u: Any, readings: Any, reports: Any, blank: Any, nothing: Any, first: int,
     ) -> int:  # fmt: skip
         tracks, desks, design, works, spares, ring, snapshots, marks = engine
         n = x.shape[0]
@@ -58,7 +58,19 @@ def loop_of(run: Any) -> Callable[..., int]:
                     readings[0].length = 1
                     readings[0].z[0] = y[k] + v[k, sensor]
                     reports[0] = blank[0]
-                    run(tracks, desks, design, works, spares, ring, snapshots, marks, readings, reports, nothing)
+                    run(
+                        tracks,
+                        desks,
+                        design,
+                        works,
+                        spares,
+                        ring,
+                        snapshots,
+                        marks,
+                        readings,
+                        reports,
+                        nothing,
+                    )
                     if reports[0].command_due:
                         given += reports[0].command_valid
                         queue[delay] = reports[0].command[0]

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fusiond.engine.records import CENTRAL
+from fusiond.engine.records import CENTRAL, FED
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Role
 
@@ -43,12 +43,15 @@ def write_acting(desk: Any, design: Any, now_ns: int, reading: Any) -> bool:
     acknowledges = design.role[design.feeds] == INPUT and desk.has_applied
     if acknowledges and abs(now_ns - desk.applied_t_ns) <= design.acknowledged_ns:
         return False
-    reading.t_ns = now_ns
+    in_step = (
+        design.step_ns > 0
+    )  # a discrete model: the command is that of its step, however late it was computed
+    reading.t_ns = desk.command_due_ns - design.control_period_ns if in_step else now_ns
     reading.arrival_ns = 0
     reading.seq = 0
     reading.sensor = design.feeds
     reading.length = CONTROLS
-    reading["flags"] = 0
+    reading["flags"] = FED
     for i in range(CONTROLS):
         reading.z[i] = desk.acting[i]
     return True
@@ -56,7 +59,7 @@ def write_acting(desk: Any, design: Any, now_ns: int, reading: Any) -> bool:
 
 @kernel
 def stand_in(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Say what the input that is out would read from now on; the filters have been driven to now by what was said before.
+    """Say what the input that is out would read from now on; the filters go to now by what was said before.
 
     While the input works its bias is followed, so that what is said later has the bias of then.
     """

@@ -194,8 +194,14 @@ def feed(
     _, reports, readings = spares
     if write_acting(desk, design, now_ns, readings[0]):
         place = desk.ring_first + desk.ring_count
-        insert(desk, ring, readings[0], place)
-        advance_from(tracks, desk, design, work, reports, ring, snapshots, marks, place, place, reports, 0)
+        if ring[(place - 1) % ring.shape[0]].t_ns > readings[0].t_ns:
+            place = place_of(desk, ring, readings[0])
+        if place >= 0:
+            insert(desk, ring, readings[0], place)
+            first = beginning(desk, place, reports[0])
+            advance_from(
+                tracks, desk, design, work, reports, ring, snapshots, marks, place, first, reports, 0
+            )
 
 
 @entry

@@ -1,4 +1,4 @@
-"""A configuration without control commands nothing. `assembly` copies `steer_on.py` over this file where there is a law."""
+"""A configuration without control commands nothing. Where there is a law, `assembly` copies `steer_on.py` over this."""
 
 from __future__ import annotations
 

@@ -39,7 +39,9 @@ def awaits(track: Any, desk: Any, design: Any, report: Any) -> bool:
     due_ns = desk.command_due_ns
     for sensor in range(SENSORS):
         spoke_ns = track.sensor_t_ns[sensor]
-        late = due_ns - design.control_period_ns <= spoke_ns < due_ns
+        late = due_ns - design.control_period_ns <= spoke_ns and (
+            spoke_ns < due_ns or track.sensor_seen[sensor] == 0
+        )
         if design.awaited[sensor] and late and works(report, sensor):
             return True
     return False
@@ -174,9 +176,7 @@ def steer(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None:
     copy_vector(desk.command, desk.sent)
     reckoned_ns = now_ns - track.update_ns - design.dead_reckoning_ns
     trusted = trusts(design, report) and not doubts(desk, design, now_ns, report)
-    level = level_of(
-        report.service, desk.has_reference != 0, trusted, reckoned_ns, design.reckoning_ns
-    )
+    level = level_of(report.service, desk.has_reference != 0, trusted, reckoned_ns, design.reckoning_ns)
     if level != SAFE and want(track, desk, design, now_ns, report):
         allow(desk, design, now_ns)
         account(desk, design, report)
