@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,9 @@ from fusiond.types import Role, nanoseconds
 
 SILENT_PERIODS = 2.5
 """Periods without a reading after which a regular stream is silent; an irregular one is given what it needs."""
+SLOWEST, WINDOW_S, MOST = 64, 5.0, 2048
+"""The window holds so many readings of its slowest sensor, and of all sensors what they say in so many seconds: a scale,
+a delay, an error of a rate show only as the machine moves. At most so many readings in all."""
 USUAL_S = 5.0
 """Over how long the usual value of an input is taken."""
 PROFILES = {"sharp": SHARP, "robust": ROBUST}
@@ -30,6 +34,13 @@ def promise_of(section: FaultsSection) -> Promise:
     """What the operator is promised."""
     dead_band, studentise = PROFILES[section.profile]
     return Promise(section.mean_time_between_false_alarms_s, dead_band, studentise)
+
+
+def window_of(resolved: Resolved, least: int) -> int:
+    """Readings the window holds: of the slowest sensor SLOWEST of them, and all that happens in WINDOW_S."""
+    rates = [rate_hz(resolved, sensor) for sensor in resolved.updating]
+    seconds = max(SLOWEST / min(rates), WINDOW_S)
+    return max(least, min(math.ceil(seconds * sum(rates)), MOST))
 
 
 def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | None]:
@@ -43,7 +54,7 @@ def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | Non
             "defaults, or take the section out"
         )
     detection = detection_of(resolved, layout, promise_of(section))
-    shape = replace(layout.shape, cells=detection.cells, window=section.window)
+    shape = replace(layout.shape, cells=detection.cells, window=window_of(resolved, section.window))
     return replace(layout, shape=shape), detection
 
 
@@ -73,6 +84,7 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
     tests["theta"][:cells], tests["limit"][:cells] = detection.cell_theta, detection.cell_h
     tests["tolerance"][:cells] = detection.cell_tolerance
     tests["channel"][:cells], tests["age"][:cells] = detection.cell_channel, detection.cell_age
+    tests["kind"][:cells] = detection.cell_kind
     tests["first"], tests["last"] = detection.first, detection.last
     tests["is_input"] = [sensor.role is Role.INPUT for sensor in resolved.sensors]
     tests["gate"] = detection.gate

@@ -28,8 +28,8 @@ from fusiond.types import Alarm, Health, Kind, Role
 if TYPE_CHECKING:
     from fusiond.engine.engine import Engine
 
-SETTLED = 50
-"""Entries before the onset from which leave-one-out filters are made anew after an exclusion."""
+SETTLED = 0.4
+"""Share of the window, before the onset, from which leave-one-out filters are made anew after an exclusion."""
 LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE)
 """Errors that can be taken off a reading."""
 CORRECTIONS = {Kind.BIAS: "offset", Kind.DRIFT: "drift", Kind.SCALE: "gain_error"}
@@ -85,7 +85,8 @@ class Reactions:
 
     def since(self, onset: int, *, settled: bool = False) -> None:
         """Have the readings since an entry replayed, or since some entries before it."""
-        first = max(0, min(onset, len(self.window) - 1) - SETTLED) if settled else onset
+        before = int(SETTLED * self._layout.shape.window)
+        first = max(0, min(onset, len(self.window) - 1) - before) if settled else onset
         t_ns = self.onset_ns(first)
         self._since_ns = t_ns if self._since_ns is None else min(t_ns, self._since_ns)
 
@@ -272,7 +273,7 @@ class Reactions:
     def _widen(self, sensor: int, channel: int, std: float) -> None:
         """Add the uncertainty of a bias to the primary filter: P + g g' std^2, g the error such a bias has caused."""
         response = respond(self.engine.window, 0)
-        columns = response.raw[response.sensor == sensor, channel]
+        columns = np.unique(response.raw[response.sensor == sensor, channel])
         g = response.carried[:, columns].sum(axis=1) * std
         P = self.engine.covariance() + np.outer(g, g)
         U, d = np.eye(len(P)), np.zeros(len(P))

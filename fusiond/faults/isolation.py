@@ -25,7 +25,7 @@ from enum import IntEnum
 import numpy as np
 
 from fusiond.faults.disturbance import model_score
-from fusiond.faults.forecast import separate
+from fusiond.faults.forecast import Separation, separate
 from fusiond.faults.glr import Fit, scan
 from fusiond.faults.ground import free
 from fusiond.faults.hypotheses import Hypothesis, Place
@@ -156,12 +156,20 @@ def _surplus(response: Response, onset: int, removed: float, fitted: int) -> flo
     return ((left / n) ** (1.0 / 3.0) - (1.0 - 2.0 / (9.0 * n))) / math.sqrt(2.0 / (9.0 * n))
 
 
-def _demand(best: Fit, rival: Fit, margin: float, margins: Margins) -> tuple[bool, bool]:
-    """Whether the margin of `best` over `rival` falls short of what is needed, and whether waiting can bring it."""
-    if Kind.NOISE in (best.kind, rival.kind):
+def _demands(best: Fit, pleas: Sequence[Fit], margins: Margins) -> list[tuple[bool, bool]]:
+    """Whether the margin of `best` over each plea falls short of what is needed, and whether waiting can bring it."""
+    half = len(best.ground.response) // 2
+    lasting = [plea for plea in pleas if Kind.NOISE not in (best.kind, plea.kind)]
+    apart = iter(separate(best, lasting, [max(best.onset, plea.onset, half) for plea in lasting]))
+    return [
+        _demand(best.score - plea.score, next(apart) if Kind.NOISE not in (best.kind, plea.kind) else None, margins) for plea in pleas
+    ]
+
+
+def _demand(margin: float, apart: Separation | None, margins: Margins) -> tuple[bool, bool]:
+    """Whether a margin falls short of what is needed, and whether waiting can bring it."""
+    if apart is None:
         return margin < margins.place, True
-    response = best.ground.response
-    apart = separate(best, rival, max(best.onset, rival.onset, len(response) // 2))
     persists = apart.strength >= 1.0
     needed = margins.sudden if persists and apart.sine2 < margins.alike else margins.place
     return margin < needed, margin + apart.gain + 2.0 * math.sqrt(2.0 * apart.gain) >= needed
@@ -175,9 +183,11 @@ def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: M
     margin = min([best.score - rival.score for rival in rivals] + [best.score, best.score - model])
     # a model that scatters more than it should looks much like one noisy sensor
     standing, hope = [best], best.score - model < (margins.place if best.kind is Kind.NOISE else 0.0)
+    close = [fit for fit in fits if fit.place != best.place and best.score - fit.score < margins.sudden]
+    pleas = [plea for rival in rivals for plea in _best_of_kinds([f for f in close if f.place == rival.place])]
+    demanded = list(zip(pleas, _demands(best, pleas, margins), strict=True))
     for rival in rivals:
-        pleas = [fit for fit in fits if fit.place == rival.place and best.score - fit.score < margins.sudden]
-        demands = [_demand(best, plea, best.score - plea.score, margins) for plea in _best_of_kinds(pleas)]
+        demands = [demand for plea, demand in demanded if plea.place == rival.place]
         if any(short for short, _ in demands):
             standing.append(rival)
             hope = hope or all(can_part for short, can_part in demands if short)

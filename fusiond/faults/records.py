@@ -54,7 +54,8 @@ def tests_dtype(*, sensors: int, cells: int) -> np.dtype[Any]:
     """Thresholds of every test, derived at design time.
 
     Cells (`cell_*`, sorted by sensor): theta: signed fault size, in the channel's unit (or the input's);
-    tolerance: error of that kind which is no fault, same unit;   channel: raw channel, or number of the input;
+    tolerance: error of that kind which is no fault, same unit;   channel: raw channel, or number of the input; -1: all;
+    kind: a bias, or all channels' common scale or delay;
     limit: of its llr;   age: readings after which it starts anew.
     first, last: (s,) the cells of each sensor are first <= cell < last.   is_input: whether the sensor drives.
     gate: (s,) largest nis that is used;   variance_limit, white_limit: (s, 2);   pooled_limit: (2,).
@@ -65,7 +66,7 @@ def tests_dtype(*, sensors: int, cells: int) -> np.dtype[Any]:
     s, c = sensors, cells
     return packed([
         ("theta", "<f8", (c,)), ("tolerance", "<f8", (c,)), ("channel", "<i8", (c,)),
-        ("limit", "<f8", (c,)), ("age", "<i8", (c,)),
+        ("kind", "<i8", (c,)), ("limit", "<f8", (c,)), ("age", "<i8", (c,)),
         ("first", "<i8", (s,)), ("last", "<i8", (s,)), ("is_input", "<i8", (s,)),
         ("gate", "<f8", (s,)), ("variance_limit", "<f8", (s, 2)), ("white_limit", "<f8", (s, 2)),
         ("pooled_limit", "<f8", (2,)), ("repeat_log", "<f8"), ("dead_band", "<f8", (s,)), ("studentise", "<f8", (s,)),

@@ -180,7 +180,7 @@ def test_the_forecast_knows_the_angle_between_two_biases(plant: Plant, sine2: fl
         fit_signature(ground, Hypothesis(Kind.BIAS, ((Suspect(sensor, 0, False),),)))
         for sensor, ground in enumerate(grounds)
     )
-    apart = separate(one, other, 400 * sensors)
+    (apart,) = separate(one, [other], [400 * sensors])
     assert apart.sine2 == pytest.approx(sine2, abs=0.01 if sine2 else 1e-6)
 
 
