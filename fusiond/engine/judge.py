@@ -34,11 +34,13 @@ from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import LASTING, Reactions
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
-from fusiond.faults.glr import Fit
+from fusiond.faults.glr import Fit, scan
 from fusiond.faults.hypotheses import Hypothesis
 from fusiond.faults.isolation import Finding, Outcome, isolate
+from fusiond.faults.kinds import choose_kind
 from fusiond.faults.response import respond
 from fusiond.faults.tolerated import tolerate
+from fusiond.faults.window import silenced
 from fusiond.types import NANOSECONDS, Alarm, Health, Kind, Role
 
 if TYPE_CHECKING:
@@ -80,6 +82,11 @@ class Judge:
     replaceable: tuple[bool, ...]
     silence_ns: NDArray[np.int64]
 
+    @property
+    def _some(self) -> int:
+        """Readings after which there is something new to see in a window."""
+        return self.layout.shape.window // 8
+
     def consider(self, engine: Engine) -> None:
         """Decide about the alarm raised by the reading just applied, and about those that its decision raises."""
         for _ in range(len(self.layout.sensors) + 1):
@@ -105,6 +112,11 @@ class Judge:
         desk, entries = engine.desk[0], reactions.entries
         if alarm is not Alarm.REVIEW and entries < desk["review_at"]:
             return
+        if alarm is Alarm.REVIEW:
+            if 0 < desk["describe_at"] <= entries:
+                self._describe(reactions)
+            if desk["review_at"] == 0 or entries < desk["review_at"]:
+                return
         if desk["case_at"] == 0:
             desk["case_at"] = entries
         finding = self._finding(reactions)
@@ -122,7 +134,7 @@ class Judge:
             desk["review_at"] = entries + self.layout.shape.window
         elif finding.outcome is Outcome.AMBIGUOUS or (undecided and len(finding.sensors) > 1):
             reactions.cover(finding)
-            desk["review_at"] = entries + self.layout.shape.window
+            desk["review_at"] = entries + max(self._some, int(PATIENCE * age))
         else:
             reactions.close()
             if finding.outcome in (Outcome.ONE, Outcome.GROUP):
@@ -157,8 +169,27 @@ class Judge:
         out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
         restless = frozenset(int(k) for k in np.flatnonzero(reactions.reaction["noise_excess"] > 0.0))
-        seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
+        seen = tolerate(respond(silenced(reactions.window), self.layout.shape.inputs), self.tolerance)
         return isolate(seen, asked, restless=restless)
+
+    def _describe(self, reactions: Reactions) -> None:
+        """What is wrong with excluded sensors, as their later readings show it; asked anew while the window fills."""
+        desk, entries = reactions.engine.desk[0], reactions.entries
+        desk["describe_at"] = 0
+        for sensor in sorted(reactions.out()):
+            kind, health = reactions.reaction["kind"][sensor], reactions.reaction["health"][sensor]
+            if kind not in LASTING or health != Health.EXCLUDED or self.layout.sensors[sensor].role is Role.INPUT:
+                continue
+            seen = respond(silenced(reactions.window, sensor), self.layout.shape.inputs)
+            choice = choose_kind(scan(seen, [h for h in self.hypotheses if h.place == (sensor,)]))
+            if choice.fit is not None and choice.kind in LASTING:
+                reactions.name(sensor, choice.fit, choice.kind, Health.EXCLUDED)
+            if self._waits(reactions, sensor):
+                desk["describe_at"] = entries + self._some
+
+    def _waits(self, reactions: Reactions, sensor: int) -> bool:
+        """Whether the window still reaches back to before the sensor's fault."""
+        return int(reactions.window["t_ns"][0]) < int(reactions.reaction["onset_ns"][sensor])
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""
@@ -189,6 +220,8 @@ class Judge:
                 reactions.name(sensor, fit, kind, Health.FAULTY)
                 reactions.take_off(sensor, fit, kind)
         reactions.replay()
+        if any(sensor in reactions.out() for sensor in fit.place):
+            reactions.engine.desk[0]["describe_at"] = reactions.entries + self._some
 
     def _send_out(self, reactions: Reactions, sensor: int, fit: Fit) -> None:
         """Exclude a sensor whose fault began with the fit's onset."""
@@ -217,13 +250,15 @@ class Judge:
     def _revise(self, reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> None:
         """A sensor used with its error taken off errs anew: it has healed, or the error is another one."""
         left, std = reactions.left_over(sensor, fit, kind)
-        slack = 0.0 if kind is Kind.SCALE else reactions.noise(sensor)
+        slack = 0.0 if kind in (Kind.SCALE, Kind.DELAY) else reactions.noise(sensor)
         if kind in LASTING and abs(left) < SURE * std + slack:
             reactions.end_correction(sensor, fit)
             reactions.clear(sensor)
         else:
             reactions.take_off(sensor, fit, kind)
             reactions.name(sensor, fit, kind, Health.FAULTY)
+            if kind in LASTING:
+                reactions.write("size", reactions.total(sensor, kind), sensor)
 
     def _weigh_down(self, reactions: Reactions, fit: Fit) -> None:
         """The sensor is noisier, or quieter again, than was thought: use the noise it has."""

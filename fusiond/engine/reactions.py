@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.faults.course import Suspect
+from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
 from fusiond.faults.identification import identify
 from fusiond.faults.isolation import Finding
@@ -30,9 +31,9 @@ if TYPE_CHECKING:
 
 SETTLED = 0.4
 """Share of the window, before the onset, from which leave-one-out filters are made anew after an exclusion."""
-LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE)
+LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE, Kind.DELAY)
 """Errors that can be taken off a reading."""
-CORRECTIONS = {Kind.BIAS: "offset", Kind.DRIFT: "drift", Kind.SCALE: "gain_error"}
+CORRECTIONS = {Kind.BIAS: "offset", Kind.DRIFT: "drift", Kind.SCALE: "gain_error", Kind.DELAY: "lag"}
 OWN = ("x", "U", "d", "filter_t_ns")
 """Fields of the track that belong to one filter."""
 
@@ -152,25 +153,23 @@ class Reactions:
         return [channel.name for channel in self._layout.sensors[suspect.sensor].channels].index(slot)
 
     def cover(self, finding: Finding) -> None:
-        """Weigh every updating member of an ambiguous set down so far that it covers the error it may have."""
-        fit = finding.fit
-        assert fit is not None
+        """Say of every member of an ambiguous set what it would be, and weigh it down so far as to cover that error."""
         mask = sum(1 << sensor for sensor in finding.sensors)
-        size, std = float(np.max(np.abs(fit.size))), float(np.sqrt(np.max(np.diagonal(fit.covariance))))
-        for sensor in finding.sensors:
-            self._say(
-                sensor,
-                Health.SUSPECT,
-                finding.choice.kind or fit.kind,
-                -1,
-                size,
-                std,
-                self.onset_ns(fit.onset),
-            )
-            self.write("suspects", mask & ~(1 << sensor), sensor)
-            noise = self.noise(sensor)
-            if self._layout.sensors[sensor].role is Role.UPDATE and fit.kind is Kind.BIAS and noise > 0.0:
-                self.write("noise_excess", min((size / noise) ** 2, 1e6), sensor)
+        for fit in finding.standing:
+            for sensor in fit.place:
+                self.name(sensor, fit, fit.kind, Health.SUSPECT)
+                self.write("suspects", mask & ~(1 << sensor), sensor)
+                if self._layout.sensors[sensor].role is Role.UPDATE and fit.kind in LASTING:
+                    self.write("noise_excess", self._covering(sensor, fit), sensor)
+
+    def _covering(self, sensor: int, fit: Fit) -> float:
+        """Factor less one by which the sensor's noise variance must grow to cover its error, where that is largest."""
+        shares = [
+            error / self._noise_std[sensor, one.channel]
+            for one, error in worst_error(fit).items()
+            if one.sensor == sensor and self._noise_std[sensor, one.channel] > 0.0
+        ]
+        return float(min(max(shares, default=0.0) ** 2, 1e6))
 
     def exclude(self, sensor: int, onset: int, shadow_size: NDArray[np.float64]) -> None:
         """Stop using the sensor."""
@@ -252,7 +251,7 @@ class Reactions:
     def left_over(self, sensor: int, fit: Fit, kind: Kind) -> tuple[float, float]:
         """The error that would remain if the fit's were added to the one taken off, and its deviation.
 
-        A scale is judged as a factor, all else in the channel's unit at the fit's onset.
+        A scale is judged as a factor, a delay in s, all else in the channel's unit at the fit's onset.
         """
         at = next(
             k for k, part in enumerate(fit.hypothesis.parts) if any(one.sensor == sensor for one in part)
@@ -263,12 +262,21 @@ class Reactions:
         if kind is Kind.SCALE:
             gain = (1.0 + float(self.reaction["gain_error"][sensor, 1, channel])) * (1.0 + size) - 1.0
             return gain, float(np.hypot(known, np.sqrt(variance)))
+        if kind is Kind.DELAY:
+            lag = float(self.reaction["lag"][sensor, 1, channel]) + size
+            return lag, float(np.hypot(known, np.sqrt(variance)))
         since_s = (self.onset_ns(fit.onset) - int(self.reaction["from_ns"][sensor, 1])) * 1e-9
         taken = float(self.reaction["offset"][sensor, 1, channel])
         taken += float(self.reaction["drift"][sensor, 1, channel]) * since_s
         if self.reaction["kind"][sensor] == Kind.DRIFT:
             known *= since_s
         return taken + (size if kind is Kind.BIAS else 0.0), float(np.hypot(known, np.sqrt(variance)))
+
+    def total(self, sensor: int, kind: Kind) -> float:
+        """All that is taken off the sensor's readings now, of one kind: its size as it is told."""
+        channel = max(0, int(self.reaction["channel"][sensor]))
+        taken = float(self.reaction[CORRECTIONS[kind]][sensor, 1, channel])
+        return 1.0 + taken if kind is Kind.SCALE else taken
 
     def _widen(self, sensor: int, channel: int, std: float) -> None:
         """Add the uncertainty of a bias to the primary filter: P + g g' std^2, g the error such a bias has caused."""

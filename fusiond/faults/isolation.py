@@ -74,6 +74,7 @@ class Finding:
         choice: which kind, and which kinds it may also be.   margin: log likelihood over the best other place.
         confidence: probability of the named place (or set), all having been equally likely before.
         fits: explains all but noise.   also: a second fault at the same time.
+        standing: the best explanation at each place that may be it.
     """
 
     outcome: Outcome
@@ -84,6 +85,7 @@ class Finding:
     confidence: float
     fits: bool = True
     also: Fit | None = None
+    standing: tuple[Fit, ...] = ()
 
 
 def isolate(
@@ -198,7 +200,7 @@ def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: M
         outcome = Outcome.UNDECIDED if hope or choice.kind is Kind.NONE else Outcome.AMBIGUOUS
     elif hope or choice.kind is Kind.NONE:
         outcome = Outcome.UNDECIDED
-    return Finding(outcome, sensors, best, choice, margin, confidence)
+    return Finding(outcome, sensors, best, choice, margin, confidence, standing=tuple(standing))
 
 
 def _unexplained(
@@ -218,8 +220,9 @@ def _unexplained(
         choice = choose_kind([fit for fit in fits if fit.place == alone[0].place])
         ahead = alone[0].score - max((fit.score for fit in places if fit is not alone[0]), default=0.0)
         return Finding(
-            outcome, sensors, alone[0], choice, ahead, _share([alone[0].score], places), fits=False
-        )
+            outcome, sensors, alone[0], choice, ahead, _share([alone[0].score], places),
+            fits=False, standing=tuple(alone),
+        )  # fmt: skip
     two = _two(response, hypotheses, fits, -math.inf, margins)
     if two is not None:
         return two

@@ -53,6 +53,11 @@ def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
 
 
 @kernel
+def undelay(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Add to work.nu what is known of the delay with which the reading was stamped."""
+
+
+@kernel
 def note_unusable(track: Any, reading: Any, usable: bool) -> None:
     """The door has let a reading in, or not."""
 

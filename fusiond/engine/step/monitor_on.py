@@ -6,21 +6,23 @@ from typing import Any
 
 import numpy as np
 
+from fusiond.faults.window import LOOKED_AT as LOOKED
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Alarm, Role
 
 from .inject import between
-from .signatures import bank, carry, forget_interval
+from .signatures import bank, carry, forget_interval, move_signatures
 from .silence import is_silent
 from .sizes import ERRORS, INPUTS, SENSORS, STATES, WINDOW
 from .spread_tests import ask, clear_tests, test_frozen, test_scatter, variance_gain
 
 __all__ = [
     "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
-    "is_excluded", "note_input", "note_unusable",
+    "is_excluded", "note_input", "note_unusable", "undelay",
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
+LOOKED_AT = int(LOOKED)
 GARBAGE, HEALED = int(Alarm.GARBAGE), int(Alarm.HEALED)
 REVIEW, RETRY = int(Alarm.REVIEW), int(Alarm.RETRY)
 FEW, DECAY = 1.5, 0.9
@@ -57,11 +59,11 @@ def before_update(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> None:
+def write_entry(track: Any, work: Any, reading: Any, dof: int, used: int) -> None:
     """Write the reading's line into the window."""
     monitor = track.monitor
     line = work.window[monitor.entries % WINDOW]
-    line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, 1 if used else 0
+    line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, used
     for i in range(dof):
         line.e[i], line.root[i] = work.e[i], work.root[i]
         line.h[i], line.hdot[i] = work.h[i], work.hdot[i]
@@ -102,10 +104,17 @@ def after_update(track: Any, design: Any, work: Any, reading: Any, used: bool) -
     if monitor.entries == 0:
         forget_interval(track)
     scale_innovations(track, design, work, sensor, dof)
-    write_entry(track, work, reading, dof, used)
+    write_entry(track, work, reading, dof, 1 if used else 0)
     bank(track, design, work, sensor, dof)
     test_scatter(track, design, work, sensor, dof)
     test_frozen(track, design, work, reading)
+    start_interval(track)
+
+
+@kernel
+def start_interval(track: Any) -> None:
+    """The next interval begins with the state as it is now."""
+    monitor = track.monitor
     forget_interval(track)
     for i in range(STATES):
         monitor.x_after[i] = track.x[0, i]
@@ -114,7 +123,10 @@ def after_update(track: Any, design: Any, work: Any, reading: Any, used: bool) -
 
 @kernel
 def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Weigh an excluded sensor's reading: sound, against its old bias of either sign and against four-fold noise."""
+    """Weigh an excluded sensor's reading: sound, against its old bias of either sign and against four-fold noise.
+
+    It stands in the window as one that was not used: what is wrong with the sensor is described better as they come.
+    """
     monitor, reaction, sensor = track.monitor, track.reaction, reading.sensor
     dof = design.dof[sensor]
     square = 0.0
@@ -125,6 +137,12 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
         for k in range(2):
             sign = 1.0 if k == 0 else -1.0
             monitor.shadow[sensor, k] = max(0.0, monitor.shadow[sensor, k] - sign * b * e + 0.5 * b * b)
+    if monitor.entries == 0:
+        forget_interval(track)
+    work.K[:] = 0.0
+    write_entry(track, work, reading, dof, LOOKED_AT)
+    move_signatures(track, design, work)
+    start_interval(track)
     gain = variance_gain(4.0, square, dof)
     monitor.shadow[sensor, 2] = max(0.0, monitor.shadow[sensor, 2] - gain)
     test_frozen(track, design, work, reading)
@@ -173,19 +191,36 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
+def in_force(reaction: Any, sensor: int, k: int, t_ns: int) -> bool:
+    """Whether the sensor's correction k, the one before or the last, holds at that time."""
+    begins, ends = reaction.from_ns[sensor, k], reaction.to_ns[sensor, k]
+    return bool(begins != 0 and begins <= t_ns and (ends == 0 or t_ns < ends))
+
+
+@kernel
 def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
     """The reading with what is known of its sensor's error taken off: (z - offset - drift (t - from)) / gain."""
     reaction, sensor = track.reaction, reading.sensor
     for k in range(2):
-        begins, ends = reaction.from_ns[sensor, k], reaction.to_ns[sensor, k]
-        if begins != 0 and begins <= reading.t_ns and (ends == 0 or reading.t_ns < ends):
+        if in_force(reaction, sensor, k, reading.t_ns):
             spare[0] = reading
-            since_s = (reading.t_ns - begins) * 1e-9
+            since_s = (reading.t_ns - reaction.from_ns[sensor, k]) * 1e-9
             for i in range(design.length[sensor]):
                 error = reaction.offset[sensor, k, i] + reaction.drift[sensor, k, i] * since_s
                 spare[0].z[i] = (reading.z[i] - error) / (1.0 + reaction.gain_error[sensor, k, i])
             return spare[0]
     return reading
+
+
+@kernel
+def undelay(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Add to work.nu by how much the reading has moved between its measurement and its stamp: rate of h times delay."""
+    reaction, sensor = track.reaction, reading.sensor
+    for k in range(2):
+        if in_force(reaction, sensor, k, reading.t_ns):
+            for i in range(design.dof[sensor]):
+                work.nu[i] += work.hdot[i] * reaction.lag[sensor, k, i]
+            return
 
 
 @kernel
@@ -224,13 +259,14 @@ def forget_all(track: Any, desk: Any) -> None:
     desk.review_at = 0
     desk.case_at = 0
     desk.retry_ns = 0
+    desk.describe_at = 0
 
 
 @kernel
 def awaits_judgement(track: Any, desk: Any) -> bool:
     """Whether a test has raised its alarm, or enough readings have come for a case left open."""
     monitor = track.monitor
-    if 0 < desk.review_at <= monitor.entries:
+    if 0 < desk.review_at <= monitor.entries or 0 < desk.describe_at <= monitor.entries:
         ask(monitor, REVIEW, 0)
     if 0 < desk.retry_ns <= track.t_ns:
         ask(monitor, RETRY, 0)
