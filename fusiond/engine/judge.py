@@ -34,13 +34,11 @@ from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import LASTING, Reactions
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
-from fusiond.faults.glr import Fit, scan
+from fusiond.faults.glr import Fit
 from fusiond.faults.hypotheses import Hypothesis
 from fusiond.faults.isolation import Finding, Outcome, isolate
-from fusiond.faults.kinds import choose_kind
 from fusiond.faults.response import respond
 from fusiond.faults.tolerated import tolerate
-from fusiond.faults.window import silenced
 from fusiond.types import NANOSECONDS, Alarm, Health, Kind, Role
 
 if TYPE_CHECKING:
@@ -48,6 +46,8 @@ if TYPE_CHECKING:
 
 PATIENCE = 0.25
 """A case left open is reviewed when its readings have grown by this share."""
+STEPS, LEAST = 128, 16
+"""A window is worth looking at again after this part of it, a set that nothing tells apart after so many of those."""
 PROBATION_S = 1.0
 """Shortest probation of a sensor; doubled with every relapse."""
 RETRY_S = 5.0
@@ -83,9 +83,9 @@ class Judge:
     silence_ns: NDArray[np.int64]
 
     @property
-    def _some(self) -> int:
-        """Readings after which there is something new to see in a window."""
-        return self.layout.shape.window // 8
+    def _step(self) -> int:
+        """Readings that bring something new to a window."""
+        return max(1, self.layout.shape.window // STEPS)
 
     def consider(self, engine: Engine) -> None:
         """Decide about the alarm raised by the reading just applied, and about those that its decision raises."""
@@ -112,11 +112,6 @@ class Judge:
         desk, entries = engine.desk[0], reactions.entries
         if alarm is not Alarm.REVIEW and entries < desk["review_at"]:
             return
-        if alarm is Alarm.REVIEW:
-            if 0 < desk["describe_at"] <= entries:
-                self._describe(reactions)
-            if desk["review_at"] == 0 or entries < desk["review_at"]:
-                return
         if desk["case_at"] == 0:
             desk["case_at"] = entries
         finding = self._finding(reactions)
@@ -126,7 +121,7 @@ class Judge:
         age = entries - int(desk["case_at"])
         undecided = finding.outcome is Outcome.UNDECIDED
         if undecided and age <= self.layout.shape.window // 2:
-            desk["review_at"] = entries + max(1, int(PATIENCE * age))
+            desk["review_at"] = entries + max(self._step, int(PATIENCE * age))
             if age > 0:
                 reactions.suspect(finding.sensors)
         elif finding.outcome is Outcome.MODEL:
@@ -134,7 +129,7 @@ class Judge:
             desk["review_at"] = entries + self.layout.shape.window
         elif finding.outcome is Outcome.AMBIGUOUS or (undecided and len(finding.sensors) > 1):
             reactions.cover(finding)
-            desk["review_at"] = entries + max(self._some, int(PATIENCE * age))
+            desk["review_at"] = entries + max(LEAST * self._step, int(PATIENCE * age))
         else:
             reactions.close()
             if finding.outcome in (Outcome.ONE, Outcome.GROUP):
@@ -168,28 +163,11 @@ class Judge:
         silent = {int(k) for k in np.flatnonzero((self.silence_ns > 0) & (age_ns > self.silence_ns))}
         out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
-        restless = frozenset(int(k) for k in np.flatnonzero(reactions.reaction["noise_excess"] > 0.0))
-        seen = tolerate(respond(silenced(reactions.window), self.layout.shape.inputs), self.tolerance)
+        # a set that is covered is not thought noisy, so that less noise is no news of it
+        noisy = (reactions.reaction["noise_excess"] > 0.0) & (reactions.reaction["kind"] == Kind.NOISE)
+        restless = frozenset(int(k) for k in np.flatnonzero(noisy))
+        seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
         return isolate(seen, asked, restless=restless)
-
-    def _describe(self, reactions: Reactions) -> None:
-        """What is wrong with excluded sensors, as their later readings show it; asked anew while the window fills."""
-        desk, entries = reactions.engine.desk[0], reactions.entries
-        desk["describe_at"] = 0
-        for sensor in sorted(reactions.out()):
-            kind, health = reactions.reaction["kind"][sensor], reactions.reaction["health"][sensor]
-            if kind not in LASTING or health != Health.EXCLUDED or self.layout.sensors[sensor].role is Role.INPUT:
-                continue
-            seen = respond(silenced(reactions.window, sensor), self.layout.shape.inputs)
-            choice = choose_kind(scan(seen, [h for h in self.hypotheses if h.place == (sensor,)]))
-            if choice.fit is not None and choice.kind in LASTING:
-                reactions.name(sensor, choice.fit, choice.kind, Health.EXCLUDED)
-            if self._waits(reactions, sensor):
-                desk["describe_at"] = entries + self._some
-
-    def _waits(self, reactions: Reactions, sensor: int) -> bool:
-        """Whether the window still reaches back to before the sensor's fault."""
-        return int(reactions.window["t_ns"][0]) < int(reactions.reaction["onset_ns"][sensor])
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""
@@ -220,8 +198,6 @@ class Judge:
                 reactions.name(sensor, fit, kind, Health.FAULTY)
                 reactions.take_off(sensor, fit, kind)
         reactions.replay()
-        if any(sensor in reactions.out() for sensor in fit.place):
-            reactions.engine.desk[0]["describe_at"] = reactions.entries + self._some
 
     def _send_out(self, reactions: Reactions, sensor: int, fit: Fit) -> None:
         """Exclude a sensor whose fault began with the fit's onset."""

@@ -172,7 +172,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
         ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
         ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
         ("odd_start_ns", "<i8"), ("pause", "<i8"), ("replay_from", "<i8"), ("review_at", "<i8"), ("case_at", "<i8"),
-        ("retry_ns", "<i8"), ("describe_at", "<i8"),
+        ("retry_ns", "<i8"),
         ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
         ("reference_t_ns", "<i8"), ("reference", "<f8", (shape.references,)), ("has_reference", "<i8"),
         ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)),

@@ -97,7 +97,7 @@ def steps_of(window: NDArray[Any]) -> Steps:
     W, m, n = window["H"].shape
     exists = np.arange(m) < window["dof"][:, None]
     H = window["H"] * exists[:, :, None]
-    K = window["K"] * (exists & (window["used"] > 0)[:, None])[:, :, None]
+    K = window["K"] * (exists & (window["used"] != 0)[:, None])[:, :, None]
     D = window["D"] * (exists[:, :, None] & exists[:, None, :])
     root = np.where(exists & (window["root"] > 0.0), window["root"], np.inf)
     kept: Matrix = np.broadcast_to(np.eye(n), (W, n, n)).copy()
@@ -132,7 +132,7 @@ def noise_roots(window: NDArray[Any]) -> Matrix:
     m = window["e"].shape[1]
     S = window["root"] ** 2
     share = 1.0 - np.einsum("wci,wci->wc", window["H"], window["K"])
-    r, used = S * np.clip(share, 1e-12, 1.0), window["used"] > 0
+    r, used = S * np.clip(share, 1e-12, 1.0), window["used"] != 0
     for sensor in np.unique(window["sensor"][~used]):
         own = window["sensor"] == sensor
         if np.any(own & used):

@@ -5,25 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fusiond.faults.records import packed
-
-
-LOOKED_AT = -1
-
-
-def silenced(window: NDArray[Any], sensor: int = -1) -> NDArray[Any]:
-    """A copy of a window in which excluded sensors say nothing, but the one."""
-    copied = np.array(window)
-    copied["dof"][(copied["used"] == LOOKED_AT) & (copied["sensor"] != sensor)] = 0
-    return copied
 
 
 def window_dtype(errors: int, payload: int, inputs: int) -> np.dtype[Any]:
     """One entry: n errors, m numbers a reading, ni inputs.
 
-    used: 1, 0 where the gate refused it, LOOKED_AT where its sensor was excluded: no evidence against anybody else.
     e: innovations of the sequential scalar updates, whitened: independent N(0, 1) while nothing is wrong.
     root: sqrt(S) of each.   H, K: (m, n) decorrelated rows and gains of the scalar updates; K = 0 where not used.
     D: (m, m) response of decorrelated channel c to a unit fault of raw channel k.

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.faults.window import LOOKED_AT as LOOKED
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Alarm, Role
 
 from .inject import between
-from .signatures import bank, carry, forget_interval, move_signatures
+from .signatures import bank, carry, forget_interval
 from .silence import is_silent
 from .sizes import ERRORS, INPUTS, SENSORS, STATES, WINDOW
 from .spread_tests import ask, clear_tests, test_frozen, test_scatter, variance_gain
@@ -22,7 +21,6 @@ __all__ = [
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
-LOOKED_AT = int(LOOKED)
 GARBAGE, HEALED = int(Alarm.GARBAGE), int(Alarm.HEALED)
 REVIEW, RETRY = int(Alarm.REVIEW), int(Alarm.RETRY)
 FEW, DECAY = 1.5, 0.9
@@ -59,11 +57,11 @@ def before_update(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def write_entry(track: Any, work: Any, reading: Any, dof: int, used: int) -> None:
+def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> None:
     """Write the reading's line into the window."""
     monitor = track.monitor
     line = work.window[monitor.entries % WINDOW]
-    line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, used
+    line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, 1 if used else 0
     for i in range(dof):
         line.e[i], line.root[i] = work.e[i], work.root[i]
         line.h[i], line.hdot[i] = work.h[i], work.hdot[i]
@@ -104,17 +102,10 @@ def after_update(track: Any, design: Any, work: Any, reading: Any, used: bool) -
     if monitor.entries == 0:
         forget_interval(track)
     scale_innovations(track, design, work, sensor, dof)
-    write_entry(track, work, reading, dof, 1 if used else 0)
+    write_entry(track, work, reading, dof, used)
     bank(track, design, work, sensor, dof)
     test_scatter(track, design, work, sensor, dof)
     test_frozen(track, design, work, reading)
-    start_interval(track)
-
-
-@kernel
-def start_interval(track: Any) -> None:
-    """The next interval begins with the state as it is now."""
-    monitor = track.monitor
     forget_interval(track)
     for i in range(STATES):
         monitor.x_after[i] = track.x[0, i]
@@ -123,10 +114,7 @@ def start_interval(track: Any) -> None:
 
 @kernel
 def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Weigh an excluded sensor's reading: sound, against its old bias of either sign and against four-fold noise.
-
-    It stands in the window as one that was not used: what is wrong with the sensor is described better as they come.
-    """
+    """Weigh an excluded sensor's reading: sound, against its old bias of either sign and against four-fold noise."""
     monitor, reaction, sensor = track.monitor, track.reaction, reading.sensor
     dof = design.dof[sensor]
     square = 0.0
@@ -137,12 +125,6 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
         for k in range(2):
             sign = 1.0 if k == 0 else -1.0
             monitor.shadow[sensor, k] = max(0.0, monitor.shadow[sensor, k] - sign * b * e + 0.5 * b * b)
-    if monitor.entries == 0:
-        forget_interval(track)
-    work.K[:] = 0.0
-    write_entry(track, work, reading, dof, LOOKED_AT)
-    move_signatures(track, design, work)
-    start_interval(track)
     gain = variance_gain(4.0, square, dof)
     monitor.shadow[sensor, 2] = max(0.0, monitor.shadow[sensor, 2] - gain)
     test_frozen(track, design, work, reading)
@@ -259,14 +241,13 @@ def forget_all(track: Any, desk: Any) -> None:
     desk.review_at = 0
     desk.case_at = 0
     desk.retry_ns = 0
-    desk.describe_at = 0
 
 
 @kernel
 def awaits_judgement(track: Any, desk: Any) -> bool:
     """Whether a test has raised its alarm, or enough readings have come for a case left open."""
     monitor = track.monitor
-    if 0 < desk.review_at <= monitor.entries or 0 < desk.describe_at <= monitor.entries:
+    if 0 < desk.review_at <= monitor.entries:
         ask(monitor, REVIEW, 0)
     if 0 < desk.retry_ns <= track.t_ns:
         ask(monitor, RETRY, 0)
