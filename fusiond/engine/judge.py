@@ -35,6 +35,7 @@ from fusiond.engine.reactions import LASTING, Reactions
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
+from fusiond.faults.ground import burst_of
 from fusiond.faults.hypotheses import Hypothesis
 from fusiond.faults.isolation import Finding, Outcome, isolate
 from fusiond.faults.response import respond
@@ -54,6 +55,8 @@ RETRY_S = 5.0
 """Shortest time before an excluded input is tried again, and before it is believed; doubled likewise."""
 RELAPSES = 6
 """Relapses after which waiting grows no longer."""
+SINGLE = 2
+"""Odd readings of an input that are a spike, which changes no flag; more are a fault."""
 SURE = 3.0
 """Standard deviations within which a remaining error is none."""
 BEYOND = 2.0
@@ -183,6 +186,7 @@ class Judge:
         fit, kind = finding.choice.fit or finding.fit, finding.choice.kind
         assert fit is not None
         if kind is Kind.SPIKE:
+            self._burst(reactions, fit)
             return
         if kind is Kind.NOISE:
             self._weigh_down(reactions, fit)
@@ -197,6 +201,21 @@ class Judge:
             else:
                 reactions.name(sensor, fit, kind, Health.FAULTY)
                 reactions.take_off(sensor, fit, kind)
+        reactions.replay()
+
+    def _burst(self, reactions: Reactions, fit: Fit) -> None:
+        """A spike of a sensor has been gated; one of an input is taken out, and a long one tells of its sensor."""
+        if not fit.ground.is_input:
+            return
+        (sensor,) = fit.place
+        number = fit.hypothesis.parts[0][0].channel
+        entries = fit.ground.entries[burst_of(fit.ground, fit.hypothesis) == fit.number]
+        readings = int(np.sum(fit.ground.response.odd_count[entries, number]))
+        if (readings > SINGLE or len(entries) > 1) and self._excludable(reactions, sensor, fit.place):
+            reactions.name(sensor, fit, Kind.SPIKE, Health.EXCLUDED)
+            self._send_out(reactions, sensor, fit)
+        else:
+            reactions.leave_out(sensor, fit.onset, int(entries[-1]))
         reactions.replay()
 
     def _send_out(self, reactions: Reactions, sensor: int, fit: Fit) -> None:
@@ -220,7 +239,7 @@ class Judge:
 
     def _retry_ns(self, reactions: Reactions, sensor: int) -> int:
         """How long an excluded input waits: it cannot show that an error has gone, but that it sends numbers again."""
-        unusable = reactions.reaction["kind"][sensor] in (Kind.STUCK, Kind.GARBAGE)
+        unusable = reactions.reaction["kind"][sensor] in (Kind.STUCK, Kind.GARBAGE, Kind.SPIKE)
         return self._wait_ns(reactions, sensor, PROBATION_S if unusable else RETRY_S)
 
     def _revise(self, reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> None:

@@ -178,14 +178,27 @@ class Reactions:
         others = [k for k, row in enumerate(rows) if row.hears != "only" and k not in clean]
         self.write("excluded", 1, sensor)
         self.write("until_ns", 0, sensor)
-        self.write("out_from_ns", 0 if clean else self.onset_ns(onset), sensor)
+        self.write("out_from_ns", 0 if clean else self._spoilt_from_ns(sensor, onset), sensor)
         self.write("shadow_size", shadow_size, sensor)
         self.write("noise_excess", 0.0, sensor)
         if clean:
             for records in self.engine.histories:
                 for field in OWN:
                     records[field][:, others] = records[field][:, clean]
-        self.since(onset, settled=bool(clean))
+        self.since(onset if clean else max(0, onset - 1), settled=bool(clean))
+
+    def _spoilt_from_ns(self, sensor: int, onset: int) -> int:
+        """First stamp of a fault that shows from an entry on: an input spoils the interval before it."""
+        if self._layout.sensors[sensor].role is Role.INPUT and onset > 0:
+            return self.onset_ns(onset - 1) + 1
+        return self.onset_ns(onset)
+
+    def leave_out(self, sensor: int, onset: int, last: int) -> None:
+        """Do without an input in the intervals before these entries alone."""
+        self.write("excluded", 1, sensor)
+        self.write("out_from_ns", self._spoilt_from_ns(sensor, onset), sensor)
+        self.write("until_ns", self.onset_ns(last) + 1, sensor)
+        self.since(max(0, onset - 1))
 
     def half_size(self, sensor: int, fit: Fit) -> NDArray[np.float64]:
         """(m,) half a bias, by raw channel, but no less than one deviation of the noise; else two of them."""

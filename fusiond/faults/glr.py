@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fusiond.faults.ground import Ground, basis, ground_of, information, profile_of
+from fusiond.faults.ground import Ground, basis, ground_of, information, oddity, profile_of
 from fusiond.faults.hypotheses import Hypothesis, Place
 from fusiond.faults.response import Response
 from fusiond.faults.spread import fit_spread
@@ -121,6 +121,7 @@ def fit_signature(ground: Ground, hypothesis: Hypothesis) -> Fit:
     paid = (
         price(ground, hypothesis, best, a[best]) + float(np.log(len(glr))) + RARITY.get(hypothesis.kind, 0.0)
     )
+    paid -= oddity(ground, hypothesis, best)
     return Fit(
         hypothesis, int(ground.entries[best]), sizes[best], np.linalg.pinv(a[best], rcond=FAINT, hermitian=True),
         float(glr[best]), float(glr[best]) - paid, 2.0 * float(glr[best]),

@@ -10,7 +10,11 @@ from fusiond.faults.course import Suspect
 from fusiond.faults.hypotheses import Hypothesis, Place
 from fusiond.faults.response import Integers, Response
 from fusiond.numerics.ud import Matrix, Vector
+from fusiond.faults.window import ODD
 from fusiond.types import Kind
+
+MOST_ODD = 25.0
+"""However odd, an input's reading speaks for a burst by no more than this: machines are hit, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +130,47 @@ def information(ground: Ground, hypothesis: Hypothesis) -> tuple[Matrix, Matrix]
             block = np.add.reduceat(wi[:, None] * ground.gram * wj, ground.first, axis=0)
             block = np.add.reduceat(block, ground.first, axis=1)
             a[:, i, j] = a[:, j, i] = _sum_matrix(hypothesis.kind, block, ground.t_s)
-    if hypothesis.kind is Kind.SPIKE:  # of one reading, which a fold does not show
-        a[~ground.alone], b[~ground.alone] = 0.0, 0.0
+    if hypothesis.kind is Kind.SPIKE:
+        return _bursts(ground, hypothesis, a, b)
     return a, b
+
+
+def _bursts(ground: Ground, hypothesis: Hypothesis, a: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
+    """A spike is one reading, which a fold does not show; of an input a run of odd ones, which may not be real."""
+    if not ground.is_input:
+        a[~ground.alone], b[~ground.alone] = 0.0, 0.0
+        return a, b
+    a[:], b[:] = 0.0, 0.0
+    begins = burst_of(ground, hypothesis)
+    for o in np.unique(begins[begins >= 0]):
+        P = profile_of(ground, hypothesis, int(o))
+        a[o], b[o] = P.T @ ground.gram @ P, P.T @ ground.matched
+    return a, b
+
+
+def burst_of(ground: Ground, hypothesis: Hypothesis) -> Integers:
+    """(o,) entry of the ground at which the run of unusual readings of an input that each is in begins; -1: none.
+
+    Somewhere in the run a reading is odd, all along one is half as far off; and the run is over.
+    """
+    number, entries = hypothesis.parts[0][0].channel, ground.entries
+    unusual = (ground.response.odd[entries, number] > 0.25 * ODD * ODD) & ground.alone
+    lead = unusual & ~np.concatenate(([False], unusual[:-1]))
+    run = np.where(unusual, np.cumsum(lead), 0)
+    odd = np.bincount(run, ground.response.odd_count[entries, number])
+    odd[0] = 0.0
+    if unusual[-1]:
+        odd[-1] = 0.0
+    return np.where(odd[run] > 0.0, np.concatenate(([-1], np.flatnonzero(lead)))[run], -1)
+
+
+def oddity(ground: Ground, hypothesis: Hypothesis, onset: int) -> float:
+    """Log likelihood by which an input's own readings speak for a burst that begins there; 0 for everything else."""
+    if hypothesis.kind is not Kind.SPIKE or not ground.is_input:
+        return 0.0
+    entries = ground.entries[burst_of(ground, hypothesis) == onset]
+    square = float(np.max(ground.response.odd[entries, hypothesis.parts[0][0].channel], initial=0.0))
+    return min(0.5 * square, MOST_ODD)
 
 
 def _sum_vector(kind: Kind, matched: Vector, t_s: Vector) -> Vector:
@@ -154,7 +196,9 @@ def _sum_matrix(kind: Kind, block: Matrix, t_s: Vector) -> Vector:
 def profile_of(ground: Ground, hypothesis: Hypothesis, onset: int) -> Matrix:
     """(p, q) errors in each column for a unit of each size, from the ground's entry number `onset` on."""
     course = (ground.at >= onset).astype(np.float64)
-    if hypothesis.kind is Kind.SPIKE:
+    if hypothesis.kind is Kind.SPIKE and ground.is_input:
+        course = (burst_of(ground, hypothesis) == onset)[ground.at].astype(np.float64)
+    elif hypothesis.kind is Kind.SPIKE:
         course = (ground.at == onset).astype(np.float64)
     if hypothesis.kind is Kind.DRIFT:
         course *= ground.t_s[ground.at] - ground.t_s[onset]

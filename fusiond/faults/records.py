@@ -35,7 +35,8 @@ def monitor_dtype(
     raw_z: last values sent;   pairs, equal: readings that could and that did repeat them, the current run left out;
     run: equal values in a row;   run_h: what was predicted when the run began.
     garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
-    its sensor.   shadow: (s, 3) evidence that an excluded sensor has healed.
+    its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from it
+    since the last entry, in such variances, and how many were odd.   shadow: (s, 3) evidence that an excluded sensor has healed.
     """
     n, s, m, c = errors, sensors, payload, cells
     return packed([
@@ -45,7 +46,8 @@ def monitor_dtype(
         ("phi", "<f8", (n, c)), ("llr", "<f8", (c,)), ("count", "<i8", (c,)),
         ("variance", "<f8", (s, 2)), ("pooled", "<f8", (2,)), ("white", "<f8", (s, 2)), ("last_e", "<f8", (s, m)),
         ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
-        ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("run", "<i8", (s,)),
+        ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("usual_var", "<f8", (s, m)),
+        ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
         ("run_h", "<f8", (s, m)), ("shadow", "<f8", (s, 3)),
     ])  # fmt: skip
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fusiond.faults.window import ODD
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Alarm, Role
 
@@ -75,6 +76,9 @@ def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> No
             line["T"][i, j] = monitor.carried[i, j]
         for j in range(INPUTS):
             line.B[i, j] = monitor.carried[i, ERRORS + j]
+    for j in range(INPUTS):
+        line.odd[j], line.odd_count[j] = monitor.odd[j], monitor.odd_count[j]
+        monitor.odd[j], monitor.odd_count[j] = 0.0, 0
     monitor.entries += 1
 
 
@@ -159,16 +163,30 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
+def note_oddity(track: Any, design: Any, sensor: int, channel: int, square: float) -> None:
+    """Keep how far an input was from what it usually is since the last entry."""
+    monitor, number = track.monitor, design.drives[sensor, channel]
+    if number >= 0:
+        monitor.odd[number] = max(monitor.odd[number], square)
+        if square > ODD * ODD:
+            monitor.odd_count[number] += 1
+
+
+@kernel
 def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Learn what the input usually is, and whether it repeats itself."""
+    """Learn what the input usually is and how far it usually is from that, and whether it repeats itself."""
     monitor, sensor = track.monitor, reading.sensor
+    share = design.tests.usual_share[sensor]
     for i in range(design.length[sensor]):
-        if track.sensor_seen[sensor]:
-            monitor.usual[sensor, i] += design.tests.usual_share[sensor] * (
-                reading.z[i] - monitor.usual[sensor, i]
-            )
-        else:
+        if not track.sensor_seen[sensor]:
             monitor.usual[sensor, i] = reading.z[i]
+            monitor.usual_var[sensor, i] = design.R[sensor, i]
+        away, variance = reading.z[i] - monitor.usual[sensor, i], monitor.usual_var[sensor, i]
+        square = away * away / variance if variance > 0.0 else 0.0
+        note_oddity(track, design, sensor, i, square)
+        monitor.usual[sensor, i] += share * away
+        # what is odd tells little of what is usual, but for ever it cannot stay odd
+        monitor.usual_var[sensor, i] += share * variance * (min(square, ODD * ODD) - 1.0)
     test_frozen(track, design, work, reading)
 
 
