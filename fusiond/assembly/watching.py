@@ -16,7 +16,9 @@ from fusiond.config import FaultsSection, InputSection
 from fusiond.engine.judge import Judge
 from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
+from fusiond.faults.diagnosability import TOLD_APART, shares_left
 from fusiond.faults.hypotheses import catalogue
+from fusiond.faults.isolation import Twins
 from fusiond.faults.thresholds import ROBUST, SHARP, Promise
 from fusiond.types import Role, nanoseconds
 
@@ -108,6 +110,19 @@ def groups_of(resolved: Resolved) -> list[list[int]]:
     return [members for members in named.values() if len(members) > 1]
 
 
+def twins_of(detection: Detection) -> Twins:
+    """Pairs of updating sensors of which the diagnosability matrix calls a bias of one ambiguous with the other."""
+    found = detection.signatures
+    own = {suspect.sensor for suspect in found.suspects if not suspect.is_input}
+    return frozenset(
+        frozenset((suspect.sensor, other))
+        for i, suspect in enumerate(found.suspects)
+        if suspect.sensor in own
+        for other, share in shares_left(found, i).items()
+        if other in own and share < TOLD_APART
+    )
+
+
 def judge_of(
     resolved: Resolved, layout: Layout, detection: Detection | None, design: NDArray[np.void]
 ) -> Judge | None:
@@ -132,6 +147,7 @@ def judge_of(
             [np.pad(np.sqrt(np.diagonal(s.R)), (0, layout.shape.payload - len(s.R))) for s in sensors]
         ),
         tolerance={suspect: tolerance_of(resolved, suspect) for suspect in suspects_of(resolved)},
+        twins=twins_of(detection),
         policy=tuple(getattr(sensor.section, "policy", "auto") for sensor in sensors),
         silence_ns=np.array(design[0]["silence_ns"]),
         replaceable=tuple(bool(getattr(sensor.section, "without_input_std", None)) for sensor in sensors),

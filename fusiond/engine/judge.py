@@ -37,7 +37,7 @@ from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
 from fusiond.faults.ground import burst_of
 from fusiond.faults.hypotheses import Hypothesis
-from fusiond.faults.isolation import Finding, Outcome, isolate
+from fusiond.faults.isolation import Finding, Outcome, Twins, isolate
 from fusiond.faults.response import respond
 from fusiond.faults.tolerated import tolerate
 from fusiond.types import NANOSECONDS, Alarm, Health, Kind, Role
@@ -73,6 +73,7 @@ class Judge:
         hypotheses: all explanations tried.   enough: whether every state is still seen without these sensors.
         noise_std: (s, m) declared deviations.   tolerance: of each suspect, a bias that is no fault.
         policy: of each sensor, auto, exclude or compensate.
+        twins: pairs of updating sensors that the diagnosability matrix calls ambiguous.
         replaceable: whether an input has something to fall back on.   silence_ns: (s,) longest healthy silence, 0: any.
     """
 
@@ -81,6 +82,7 @@ class Judge:
     enough: Callable[[frozenset[int]], bool]
     noise_std: NDArray[np.float64]
     tolerance: dict[Suspect, float]
+    twins: Twins
     policy: tuple[str, ...]
     replaceable: tuple[bool, ...]
     silence_ns: NDArray[np.int64]
@@ -170,7 +172,7 @@ class Judge:
         noisy = (reactions.reaction["noise_excess"] > 0.0) & (reactions.reaction["kind"] == Kind.NOISE)
         restless = frozenset(int(k) for k in np.flatnonzero(noisy))
         seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
-        return isolate(seen, asked, restless=restless)
+        return isolate(seen, asked, restless=restless, twins=self.twins)
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""
