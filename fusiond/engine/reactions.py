@@ -300,3 +300,5 @@ class Reactions:
         U, d = np.eye(len(P)), np.zeros(len(P))
         if interpreted(ud_factor)(P, U, d, 1e-9):
             self.engine.track[0]["U"][0], self.engine.track[0]["d"][0] = U, d
+            if self._layout.shape.lazy:
+                self.engine.track[0]["pending"][0] = 0  # P holds what was pending

@@ -34,6 +34,7 @@ def monitor_dtype(
     last_e: whitened innovations of the sensor's last reading.   slow: its slow innovation variance less one.
     raw_z: last values sent;   pairs, equal: readings that could and that did repeat them, the current run left out;
     run: equal values in a row;   run_h: what was predicted when the run began.
+    held: how often a value held between fixes was repeated;   held_longest: the most of that so far.
     garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
     its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from it
     since the last entry, in such variances, and how many were odd.   shadow: (s, 3) evidence that an excluded sensor has healed.
@@ -48,7 +49,7 @@ def monitor_dtype(
         ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
         ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("usual_var", "<f8", (s, m)),
         ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
-        ("run_h", "<f8", (s, m)), ("shadow", "<f8", (s, 3)),
+        ("run_h", "<f8", (s, m)), ("held", "<i8", (s,)), ("held_longest", "<i8", (s,)), ("shadow", "<f8", (s, 3)),
     ])  # fmt: skip
 
 

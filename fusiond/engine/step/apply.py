@@ -9,12 +9,12 @@ from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
 
-from .monitor import corrected, fall_back, is_excluded, note_input
+from .monitor import corrected, fall_back, is_excluded, note_held, note_input
 from .pending import nothing_pending
 from .predict import follow
 from .silence import note_gap
 from .sizes import FILTERS, SENSORS
-from .update import correct
+from .update import correct, innovate
 
 INPUT = int(Role.INPUT)
 PREVIOUS = int(Hold.PREVIOUS)
@@ -106,6 +106,8 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
     track.sensor_t_ns[sensor] = reading.t_ns
     if repeats(track, design, reading):
         report.verdict = HELD
+        innovate(track, design, work, CENTRAL, reading)
+        note_held(track, design, work, reading)
         return
     report.verdict = USED
     given = corrected(track, design, reading, work.spare)

@@ -14,11 +14,11 @@ from .inject import between
 from .signatures import bank, carry, forget_interval
 from .silence import is_silent
 from .sizes import ERRORS, INPUTS, SENSORS, STATES, WINDOW
-from .spread_tests import ask, clear_tests, test_frozen, test_scatter, variance_gain
+from .spread_tests import FROZEN, ask, clear_tests, moved, test_frozen, test_scatter, variance_gain
 
 __all__ = [
     "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
-    "is_excluded", "note_input", "note_unusable", "undelay",
+    "is_excluded", "note_held", "note_input", "note_unusable", "undelay",
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
@@ -30,6 +30,8 @@ PATIENT = 6.9
 """Log likelihood ratio at which an excluded sensor is believed healed: one in a thousand that it is not."""
 SHORTEST_S = 1e-4
 """A missing input's noise is spread over no shorter an interval."""
+SHORTEST_HOLD, HELD_LONGER = 2, 3
+"""A value may be held three times as long as it ever was, and for six readings at least."""
 LARGEST_SLOW = 3.0
 """An innovation this many deviations large, or larger, counts as this in the slow variance."""
 
@@ -105,6 +107,7 @@ def after_update(track: Any, design: Any, work: Any, reading: Any, used: bool) -
         work.K[:] = 0.0
     if monitor.entries == 0:
         forget_interval(track)
+    end_hold(monitor, sensor)
     scale_innovations(track, design, work, sensor, dof)
     write_entry(track, work, reading, dof, used)
     bank(track, design, work, sensor, dof)
@@ -210,6 +213,25 @@ def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
                 spare[0].z[i] = (reading.z[i] - error) / (1.0 + reaction.gain_error[sensor, k, i])
             return spare[0]
     return reading
+
+
+@kernel
+def end_hold(monitor: Any, sensor: int) -> None:
+    """Learn from a hold that has ended; one that was a fault teaches no more than it took to be one."""
+    longest = max(monitor.held_longest[sensor], SHORTEST_HOLD)
+    monitor.held_longest[sensor] = max(monitor.held_longest[sensor], min(monitor.held[sensor], longest + 1))
+    monitor.held[sensor] = 0
+
+
+@kernel
+def note_held(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Ask for judgement where a value is held for longer than it ever is while what it should be has moved on."""
+    monitor, sensor = track.monitor, reading.sensor
+    monitor.held[sensor] += 1
+    longest = max(monitor.held_longest[sensor], SHORTEST_HOLD)
+    if monitor.held[sensor] > HELD_LONGER * longest and moved(track, design, work, sensor):
+        if not is_excluded(track, sensor, reading.t_ns):
+            ask(monitor, FROZEN, sensor)
 
 
 @kernel
