@@ -12,7 +12,7 @@ from fusiond.assembly.loop_summary import margins_of
 from fusiond.assembly.observability import observability, without_each
 from fusiond.assembly.watching import promise_of
 from fusiond.config import FaultsSection
-from fusiond.types import NANOSECONDS, Role
+from fusiond.types import NANOSECONDS, Kind, Role
 
 
 def _sensor(assembly: Assembly, number: int) -> dict[str, Any]:
@@ -37,6 +37,7 @@ def _thresholds(assembly: Assembly, detection: Detection) -> dict[str, Any]:
         {
             "sensor": names[int(detection.cell_sensor[c])],
             "channel": int(detection.cell_channel[c]),
+            "kind": Kind(int(detection.cell_kind[c])).label,
             "size": float(detection.cell_theta[c]),
             "log_likelihood": float(detection.cell_h[c]),
             "readings": int(detection.cell_age[c]),

@@ -10,12 +10,12 @@ from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
 
 from .feed import stand_in
-from .monitor import corrected, fall_back, is_excluded, note_input
+from .monitor import corrected, fall_back, is_excluded, note_held, note_input
 from .pending import nothing_pending
 from .predict import follow
 from .silence import note_gap
 from .sizes import FEEDS, FILTERS, SENSORS
-from .update import correct
+from .update import correct, innovate
 
 APPLIED = int(Role.APPLIED)
 INPUT = int(Role.INPUT)
@@ -108,6 +108,8 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
     track.sensor_t_ns[sensor] = reading.t_ns
     if repeats(track, design, reading):
         report.verdict = HELD
+        innovate(track, design, work, CENTRAL, reading)
+        note_held(track, design, work, reading)
         return
     report.verdict = USED
     given = corrected(track, design, reading, work.spare)

@@ -58,6 +58,16 @@ def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
 
 
 @kernel
+def note_held(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """A sensor that holds its last value between fixes has sent it once more; work.h: what it should read."""
+
+
+@kernel
+def undelay(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Add to work.nu what is known of the delay with which the reading was stamped."""
+
+
+@kernel
 def note_unusable(track: Any, reading: Any, usable: bool) -> None:
     """The door has let a reading in, or not."""
 

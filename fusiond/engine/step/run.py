@@ -23,6 +23,7 @@ from .timing import follow_jump, judge_stamp, note_stamp, restart, time_jumped
 
 USED = int(Verdict.USED)
 DUPLICATE = int(Verdict.DUPLICATE)
+CONFLICT = int(Verdict.CONFLICT)
 REFERENCE = int(Role.REFERENCE)
 APPLIED = int(Role.APPLIED)
 NONE = int(Action.NONE)
@@ -104,6 +105,17 @@ def place_of(desk: Any, ring: Any, reading: Any) -> int:
 
 
 @kernel
+def contradicts(desk: Any, ring: Any, reading: Any) -> bool:
+    """Whether the reading of its sensor with the same sequence number, if it is still known, said something else."""
+    size = ring.shape[0]
+    for k in range(desk.ring_first + desk.ring_count - 1, desk.ring_first - 1, -1):
+        other = ring[k % size]
+        if other.sensor == reading.sensor and other.seq == reading.seq:
+            return other.t_ns != reading.t_ns or not same_values(other, reading)
+    return False
+
+
+@kernel
 def insert(desk: Any, ring: Any, reading: Any, place: int) -> None:
     """Put the reading at its place; later ones move up, and a full ring forgets its oldest."""
     size = ring.shape[0]
@@ -151,6 +163,9 @@ def take(
         return -1
     if sequence_repeats(desk, reading):
         report.verdict = DUPLICATE
+        if contradicts(desk, ring, reading):
+            report.verdict = CONFLICT
+            note_unusable(track, reading, False)
         return -1
     role = design.role[reading.sensor]
     if role == REFERENCE or role == APPLIED:
