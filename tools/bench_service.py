@@ -214,9 +214,18 @@ def highest_rate(endpoint: str) -> dict[str, float]:
 
 
 def round_trips(
-    endpoint: str, *, rate_hz: float = 1000.0, for_s: float = 2.0, topic: str = "estimate"
+    endpoint: str,
+    *,
+    rate_hz: float = 1000.0,
+    for_s: float = 2.0,
+    topic: str = "estimate",
+    least: float = 0.99,
 ) -> list[float]:
-    """Times from a put to what comes back for it on a topic, s, at a paced rate, sorted."""
+    """Times from a put to what comes back for it on a topic, s, at a paced rate, sorted.
+
+    Args:
+        least: share of what was sent for which something must come back.
+    """
     session = open_session(session_options("client", connect=[endpoint]))
     back = session.declare_subscriber(f"fusiond/{NAME}/{topic}", zenoh.handlers.RingChannel(1024))
     arrivals: list[tuple[int, zenoh.Sample]] = []
@@ -246,7 +255,7 @@ def round_trips(
     stamped = ((came, stamp_of(sample)) for came, sample in arrivals)
     times = sorted((came - sent[stamp]) / 1e9 for came, stamp in stamped if stamp in sent)
     session.close()
-    if len(times) < 0.99 * len(sent):
+    if len(times) < least * len(sent):
         raise RuntimeError(f"{endpoint}: {len(sent)} sent, only {len(times)} came back")
     return times
 
@@ -296,7 +305,7 @@ def bench_round_trip(repeats: int = 5) -> dict[str, Any]:
 
 
 COMMAND_HZ = 5000.0
-"""Above the rate of readings: each of them has its command."""
+"""Above the rate of readings: each of them has its command, but one sent less than 0.2 ms after another."""
 
 
 def bench_command_age(repeats: int = 5) -> dict[str, float]:
@@ -305,7 +314,7 @@ def bench_command_age(repeats: int = 5) -> dict[str, float]:
     with process("echo") as echo, process("daemon", "--command-hz", str(COMMAND_HZ)) as daemon:
         for _ in range(repeats):
             for name, endpoint, topic in (("echo", echo, "estimate"), ("command", daemon, "control")):
-                times = round_trips(endpoint, topic=topic)
+                times = round_trips(endpoint, topic=topic, least=0.8)
                 found[name].append(times[len(times) * 99 // 100] * 1e6)
     echo_us, command_us = (sorted(found[name])[repeats // 2] for name in ("echo", "command"))
     return {"echo_p99_us": echo_us, "command_p99_us": command_us, "ratio": command_us / echo_us}

@@ -28,8 +28,8 @@ def faults_table(result: Result) -> str:
         name.removeprefix("control.faults."): curve
         for name, curve in result.curves.items() if name.startswith("control.faults.")
     }  # fmt: skip
-    head = " | ".join(f"{name}: farthest | at the end |" for name in plants)
-    lines = [f"| fault | {head}", "|---|" + "---|---|" * len(plants)]
+    head = " | ".join(f"{name}: farthest | at the end" for name in plants)
+    lines = [f"| fault | {head} |", "|---|" + "---|---|" * len(plants)]
     for place, fault in enumerate(next(iter(plants.values()))["name"]):
         cells = [_cells(curve, place) for curve in plants.values()]
         lines.append(f"| {fault} | " + " | ".join(cells) + " |")
@@ -77,7 +77,8 @@ def main() -> None:
     cost, loops = control_part(effort), loops_part(effort)
     text = TEXT.format(
         day=datetime.now(UTC).date(), machine=machine(), quick=", few runs only" if chosen.quick else "",
-        cost=table(cost.rows), loops=table(loops.rows), faults=faults_table(loops),
+        cost=table(cost.rows), loops=table(loops.rows), losses=f"{effort.runs(2500, 50):,}",
+        faults=faults_table(loops),
     )  # fmt: skip
     print(text, file=sys.stderr)
     if chosen.write:

@@ -133,11 +133,17 @@ class FaultLoop:
         self.engine, self._design, self._seed = engine, design, seed
         self._rig, self.goal_m = PLANTS[name]
 
-    def run(self, inject: Sequence[str], duration_s: float = DURATION_S) -> FaultRun:
+    def fault_free_m(self, runs: int, duration_s: float = DURATION_S) -> float:
+        """Distance from the goal over the last seconds without a fault, root mean square of so many runs."""
+        each = [self.run([], duration_s, self._seed + k).rms_m(self.goal_m) for k in range(runs)]
+        return float(np.sqrt(np.mean(np.square(each))))
+
+    def run(self, inject: Sequence[str], duration_s: float = DURATION_S, seed: int | None = None) -> FaultRun:
         """From rest to the goal with these faults."""
         self.engine.reset()
-        rig = self._rig(self._seed)
-        rig.faults = Injection(parse_faults(inject), rig.measured, self._seed, origin_ns=0)
+        seed = self._seed if seed is None else seed
+        rig = self._rig(seed)
+        rig.faults = Injection(parse_faults(inject), rig.measured, seed, origin_ns=0)
         steps = round(duration_s * NANOSECONDS / STEP_NS)
         position, commands = np.zeros(steps + 1), []
         unsafe: dict[str, int] = {}
