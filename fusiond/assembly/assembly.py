@@ -166,10 +166,11 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
     if not layout.plain:
         return Assembly(resolved, layout, design, detection)
     overseer = assemble(overseen(config), folder) if config.faults else None
-    if overseer:
+    if overseer is not None:
         obey(design, overseer.design)
+        detection = overseer.detection
     design = plain_design(resolved, layout, design)
-    return Assembly(resolved, layout, design, overseer and overseer.detection, overseer)
+    return Assembly(resolved, layout, design, detection, overseer)
 
 
 def load(path: Path) -> Assembly:
