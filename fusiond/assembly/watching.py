@@ -18,7 +18,6 @@ from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
 from fusiond.faults.diagnosability import TOLD_APART, shares_left
 from fusiond.faults.hypotheses import catalogue
-from fusiond.faults.isolation import Twins
 from fusiond.faults.thresholds import ROBUST, SHARP, Promise
 from fusiond.types import Role, nanoseconds
 
@@ -39,7 +38,12 @@ def promise_of(section: FaultsSection) -> Promise:
 
 
 def window_of(resolved: Resolved, least: int) -> int:
-    """Readings the window holds: of the slowest sensor SLOWEST of them, and all that happens in WINDOW_S."""
+    """Readings the window holds: of the slowest sensor SLOWEST of them, and all that happens in WINDOW_S.
+
+    Where lasting errors are tolerated no more than `least`: over a longer time a tolerated error wanders as a fault does.
+    """
+    if any(tolerance_of(resolved, suspect) > 0.0 for suspect in suspects_of(resolved)):
+        return least
     rates = [rate_hz(resolved, sensor) for sensor in resolved.updating]
     seconds = max(SLOWEST / min(rates), WINDOW_S)
     return max(least, min(math.ceil(seconds * sum(rates)), MOST))
@@ -110,7 +114,7 @@ def groups_of(resolved: Resolved) -> list[list[int]]:
     return [members for members in named.values() if len(members) > 1]
 
 
-def twins_of(detection: Detection) -> Twins:
+def twins_of(detection: Detection) -> frozenset[frozenset[int]]:
     """Pairs of updating sensors of which the diagnosability matrix calls a bias of one ambiguous with the other."""
     found = detection.signatures
     own = {suspect.sensor for suspect in found.suspects if not suspect.is_input}

@@ -82,7 +82,7 @@ class Judge:
     enough: Callable[[frozenset[int]], bool]
     noise_std: NDArray[np.float64]
     tolerance: dict[Suspect, float]
-    twins: Twins
+    twins: frozenset[frozenset[int]]
     policy: tuple[str, ...]
     replaceable: tuple[bool, ...]
     silence_ns: NDArray[np.int64]
@@ -170,9 +170,11 @@ class Judge:
         asked = [h for h in self.hypotheses if not set(h.place) & out]
         # a set that is covered is not thought noisy, so that less noise is no news of it
         noisy = (reactions.reaction["noise_excess"] > 0.0) & (reactions.reaction["kind"] == Kind.NOISE)
+        covered = (reactions.reaction["noise_excess"] > 0.0) & ~noisy
+        twins = Twins(self.twins, frozenset(int(k) for k in np.flatnonzero(covered)))
         restless = frozenset(int(k) for k in np.flatnonzero(noisy))
         seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
-        return isolate(seen, asked, restless=restless, twins=self.twins)
+        return isolate(seen, asked, restless=restless, twins=twins)
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""
