@@ -12,7 +12,7 @@ from fusiond.assembly.course import rate_hz
 from fusiond.assembly.detection import Detection, detection_of, suspects_of, tolerance_of
 from fusiond.assembly.observability import observability
 from fusiond.assembly.resolve import Resolved, by_key
-from fusiond.config import FaultsSection, InputSection
+from fusiond.config import Config, FaultsSection, FilterSection, FusionSection, InputSection
 from fusiond.engine.judge import Judge
 from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
@@ -50,18 +50,36 @@ def window_of(resolved: Resolved, least: int) -> int:
 
 
 def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | None]:
-    """The layout with room for the monitors, and every test's numbers; None where no detection is asked for."""
+    """The layout with room for the monitors, and every test's numbers; None where no detection is asked for.
+
+    A plain step has no monitors of its own: it is overseen (`overseen`).
+    """
     section = resolved.config.faults
     if section is None:
         return layout, None
     if layout.plain:
-        raise ConfigError(
-            "faults: are found by the compiled step alone; leave filter.recursion and fusion.topology at their "
-            "defaults, or take the section out"
-        )
+        return layout, None
     detection = detection_of(resolved, layout, promise_of(section))
     shape = replace(layout.shape, cells=detection.cells, window=window_of(resolved, section.window))
     return replace(layout, shape=shape), detection
+
+
+def overseen(config: Config) -> Config:
+    """The configuration whose compiled engine judges for this one, which has a plain step; raises ConfigError."""
+    for name, sensor in config.sensor.items():
+        if isinstance(sensor, InputSection) and sensor.without_input_std:
+            raise ConfigError(
+                f"sensor.{name}.without_input_std: only the compiled step can do without an input; take it out, or "
+                "leave filter.recursion and fusion.topology at their defaults"
+            )
+    bank = FilterSection(accept_unobservable=config.filter.accept_unobservable)
+    return config.model_copy(update={"filter": bank, "fusion": FusionSection()})
+
+
+def obey(design: NDArray[np.void], overseer: NDArray[np.void]) -> None:
+    """Write into a plain step's design what it tests itself: the gate, and how long a sensor may be silent."""
+    design[0]["tests"]["gate"] = overseer[0]["tests"]["gate"]
+    design[0]["silence_ns"] = overseer[0]["silence_ns"]
 
 
 def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray[np.void]) -> None:
@@ -102,6 +120,8 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
     tests["usual_share"] = [
         min(1.0, 1.0 / (USUAL_S * rate_hz(resolved, sensor))) for sensor in resolved.sensors
     ]
+    if record["stands_for"] >= 0:
+        tests["usual_share"][record["stands_for"]] = 0.0  # the command says what it would be, not its past
     tests["dead_band"], tests["studentise"] = detection.dead_band, detection.studentise
 
 

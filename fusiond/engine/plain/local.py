@@ -12,7 +12,7 @@ from fusiond.fusion.information_sum import absorb
 
 from .choices import TOPOLOGY
 from .circle import wrap
-from .looking import describe, look
+from .looking import describe, gated, look
 from .master import merge_rows, restart_locals
 from .predict import predict
 from .recursion import condition, guarded
@@ -22,6 +22,8 @@ def correct(track: Any, design: Any, work: Any, reading: Any, report: Any) -> No
     """Predict every filter to the reading, condition its sensor's own, and fuse. Writes x and P of all rows."""
     predict(track, design, work, 0, reading.t_ns)
     describe(look(track, design, work, 0, reading), track.P[0], work, report)
+    if gated(design, reading, report):
+        return
     row = design.local[reading.sensor]
     seen, x_before = look(track, design, work, row, reading), track.x[row].copy()
     x, P = condition(track, design, track.x[row], track.P[row], seen)

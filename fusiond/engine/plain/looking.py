@@ -8,6 +8,9 @@ import numpy as np
 
 from fusiond.engine.step.update import innovate, load_noise
 from fusiond.filters.innovation import Innovation, Matrix, Vector
+from fusiond.types import Verdict
+
+GATED = int(Verdict.GATED)
 
 
 def look(track: Any, design: Any, work: Any, row: int, reading: Any) -> Innovation:
@@ -15,6 +18,7 @@ def look(track: Any, design: Any, work: Any, row: int, reading: Any) -> Innovati
     m = design.dof[reading.sensor]
     innovate(track, design, work, row, reading)
     load_noise(reading, design, work)
+    work.R_d[:m] *= 1.0 + track.reaction.noise_excess[reading.sensor]
     U = np.triu(work.R_U[:m, :m], 1) + np.eye(m)
     return Innovation(work.nu[:m].copy(), work.H[:m].copy(), (U * work.R_d[:m]) @ U.T)
 
@@ -28,6 +32,18 @@ def describe(seen: Innovation, P: Matrix, work: Any, report: Any) -> None:
     report.S[:m] = np.diagonal(seen.H @ P @ seen.H.T + seen.R)
     report.e[:m] = whitened(seen, P, work.R_U[:m, :m], work.R_d[:m])
     report.nis = float(report.e[:m] @ report.e[:m])
+
+
+def gated(design: Any, reading: Any, report: Any) -> bool:
+    """Whether noise cannot explain the reading just described, so that it is not used. Writes report.limit, verdict."""
+    gate = design.tests.gate[reading.sensor]
+    if gate <= 0.0:
+        return False
+    report.limit = gate
+    if report.nis <= gate:
+        return False
+    report.verdict = GATED
+    return True
 
 
 def whitened(seen: Innovation, P: Matrix, R_U: Matrix, R_d: Vector) -> Vector:

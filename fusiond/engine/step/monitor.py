@@ -42,6 +42,11 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
+def take_for_usual(track: Any, sensor: int, value: float) -> None:
+    """What an input of one number is taken to be while it is out."""
+
+
+@kernel
 def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
     """An input is about to drive the prediction."""
 

@@ -10,6 +10,7 @@ from fusiond.faults.window import ODD
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Alarm, Role
 
+from .decided import corrected, is_excluded, undelay
 from .inject import between
 from .signatures import bank, carry, forget_interval
 from .silence import is_silent
@@ -144,14 +145,6 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def is_excluded(track: Any, sensor: int, t_ns: int) -> bool:
-    """Whether the sensor's readings of that time are not used."""
-    reaction = track.reaction
-    out = reaction.excluded[sensor] and t_ns >= reaction.out_from_ns[sensor]
-    return bool(out and (reaction.until_ns[sensor] == 0 or t_ns < reaction.until_ns[sensor]))
-
-
-@kernel
 def fall_back(track: Any, design: Any, t_ns: int) -> None:
     """Give inputs that are silent or excluded their usual value, and white noise of `without_var` over a second."""
     interval_s = max((t_ns - track.filter_t_ns[0]) * 1e-9, SHORTEST_S)
@@ -163,6 +156,12 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
             for i in range(design.length[sensor]):
                 track.u[design.drives[sensor, i]] = track.monitor.usual[sensor, i]
                 track.u_var[design.drives[sensor, i]] = design.without_var[sensor, i] / interval_s
+
+
+@kernel
+def take_for_usual(track: Any, sensor: int, value: float) -> None:
+    """What an input of one number is taken to be while it is out."""
+    track.monitor.usual[sensor, 0] = value
 
 
 @kernel
@@ -194,28 +193,6 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def in_force(reaction: Any, sensor: int, k: int, t_ns: int) -> bool:
-    """Whether the sensor's correction k, the one before or the last, holds at that time."""
-    begins, ends = reaction.from_ns[sensor, k], reaction.to_ns[sensor, k]
-    return bool(begins != 0 and begins <= t_ns and (ends == 0 or t_ns < ends))
-
-
-@kernel
-def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
-    """The reading with what is known of its sensor's error taken off: (z - offset - drift (t - from)) / gain."""
-    reaction, sensor = track.reaction, reading.sensor
-    for k in range(2):
-        if in_force(reaction, sensor, k, reading.t_ns):
-            spare[0] = reading
-            since_s = (reading.t_ns - reaction.from_ns[sensor, k]) * 1e-9
-            for i in range(design.length[sensor]):
-                error = reaction.offset[sensor, k, i] + reaction.drift[sensor, k, i] * since_s
-                spare[0].z[i] = (reading.z[i] - error) / (1.0 + reaction.gain_error[sensor, k, i])
-            return spare[0]
-    return reading
-
-
-@kernel
 def end_hold(monitor: Any, sensor: int) -> None:
     """Learn from a hold that has ended; one that was a fault teaches no more than it took to be one."""
     longest = max(monitor.held_longest[sensor], SHORTEST_HOLD)
@@ -232,17 +209,6 @@ def note_held(track: Any, design: Any, work: Any, reading: Any) -> None:
     if monitor.held[sensor] > HELD_LONGER * longest and moved(track, design, work, sensor):
         if not is_excluded(track, sensor, reading.t_ns):
             ask(monitor, FROZEN, sensor)
-
-
-@kernel
-def undelay(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Add to work.nu by how much the reading has moved between its measurement and its stamp: rate of h times delay."""
-    reaction, sensor = track.reaction, reading.sensor
-    for k in range(2):
-        if in_force(reaction, sensor, k, reading.t_ns):
-            for i in range(design.dof[sensor]):
-                work.nu[i] += work.hdot[i] * reaction.lag[sensor, k, i]
-            return
 
 
 @kernel
