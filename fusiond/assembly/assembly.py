@@ -155,7 +155,7 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
     if overseer:
         obey(design, overseer.design)
     design = plain_design(resolved, layout, design)
-    return Assembly(resolved, layout, design, overseer and overseer.detection, overseer)
+    return Assembly(resolved, layout, design, overseer.detection if overseer else None, overseer)
 
 
 def load(path: Path) -> Assembly:

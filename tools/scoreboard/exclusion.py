@@ -103,10 +103,12 @@ def second_rows(effort: Effort, result: Result) -> None:
         apart.append(values[-1] - nees_of(third, 0, states[run, excluded_at]))
     mean = 2.0 + float(np.mean(apart)) if apart else float("nan")
     spread = float(np.std(apart) / np.sqrt(max(len(apart), 1)))
-    told = f"NEES, two states, without both, in the step of the first exclusion: 2 + its difference from that of the "
-    told += f"filter that heard the third sensor alone ({len(apart)} of {len(z)} runs, +- {1.96 * spread:.1g}; taken by "
-    told += f"itself {np.mean(values):.2f} +- {3.92 / np.sqrt(len(values)):.2f}); the second fault, {SECOND:.0f} sigma, "
-    told += "began ten readings before"
+    told = "NEES, two states, without both, in the step of the first exclusion: 2 + its difference from that of the "
+    told += (
+        f"filter that heard the third sensor alone ({len(apart)} of {len(z)} runs, +- {1.96 * spread:.1g}; "
+    )
+    told += f"taken by itself {np.mean(values):.2f} +- {3.92 / np.sqrt(len(values)):.2f}); the second fault, "
+    told += f"{SECOND:.0f} sigma, began ten readings before"
     result.rows.append(Row("7.second", told, mean, "", "2", mean / 2.0, "2.0 +- 0.1", abs(mean - 2.0) <= 0.1))
 
 

@@ -45,12 +45,14 @@ def moving_rows(effort: Effort, result: Result) -> None:
             last = reports[told[-1]] if told.size else reports[0]
             right = bool(told.size and last["fault"][number] == kind)
             near = bool(abs(last["fault_size"][number] - size) <= 2.0 * last["fault_std"][number])
-            others = np.delete(np.isin(reports["health"], NAMED).any(axis=0), number)
-            named, fitting, wrong = named + right, fitting + (right and near), wrong + others.any()
+            others = bool(np.delete(np.isin(reports["health"], NAMED).any(axis=0), number).any())
+            named, fitting, wrong = named + right, fitting + (right and near), wrong + others
         band = share(fitting, runs)
-        what = f"{sensor} with {fault} under motion, named {kind.label} with its size within 2 std when last told of in "
-        what += f"{END_S - ONSET_S:.0f} s; 95 % between {band.low:.0%} and {band.high:.0%}; named so {named} of {runs}, "
-        what += f"another sensor named in {wrong}"
+        what = (
+            f"{sensor} with {fault} under motion, named {kind.label} its size within 2 std when last told of "
+        )
+        what += f"in {END_S - ONSET_S:.0f} s; 95 % between {band.low:.0%} and {band.high:.0%}; "
+        what += f"named so {named} of {runs}, another sensor named in {wrong}"
         identity = f"8.{kind.label}.{sensor}"
         result.rows.append(
             Row(identity, what, band.value, "of runs", "", None, ">= 0.95", band.value >= 0.95)
