@@ -37,7 +37,7 @@ class Overseer:
         self.engine.reset()
 
     def _decided(self) -> NDArray[np.void]:
-        """What the compiled engine has decided; who is out is so from its onset on: no filter here has never heard it."""
+        """What has been decided; who is out is so from the onset on, for every filter here has heard it before."""
         decided = self.engine.track[0]["reaction"].copy()
         always = (decided["excluded"] != 0) & (decided["out_from_ns"] == 0)
         decided["out_from_ns"][always] = decided["onset_ns"][always]
