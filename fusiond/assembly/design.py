@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.assembly.adapting import adapt_shape, bins_of, fill_noise
 from fusiond.assembly.observability import bears_a_filter
 from fusiond.assembly.plain import LOCAL, is_plain
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
@@ -42,6 +43,7 @@ def bank_of(resolved: Resolved) -> tuple[FilterLayout, ...]:
             bank += [
                 FilterLayout("only", sensor.name) for sensor in updating if bears_a_filter(resolved, sensor)
             ]
+    bank += [FilterLayout("level", updating[0].name) for _ in range(bins_of(resolved))]
     return tuple(bank)
 
 
@@ -65,6 +67,7 @@ def shape_of(resolved: Resolved, filters: int) -> Shape:
         references=len(law.references) if law else 0,
         guarded=len(guarded_slots(resolved)),
         lazy=int(lags(resolved)),
+        adapt=adapt_shape(resolved),
     )
 
 
@@ -219,5 +222,6 @@ def design_of(resolved: Resolved, layout: Layout) -> NDArray[np.void]:
     record["invalid_ns"] = nanoseconds(config.health.invalid_s)
     _control(resolved, record)
     fill_turning(resolved, record)
+    fill_noise(resolved, record)
     record["covariance_ns"] = nanoseconds(1.0 / (config.filter.covariance_hz or 1.0))
     return design

@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from fusiond.adapt.records import AdaptShape, noise_design_dtype, noise_dtype, noise_work_dtype
 from fusiond.faults.records import monitor_dtype, reaction_dtype, tests_dtype
 from fusiond.faults.window import window_dtype
 
@@ -50,6 +51,7 @@ class Shape:
         protected: error slots with a protection level.
         guarded: g, states that are not learned while they cannot be observed.
         lazy: 1 where covariances follow more rarely than means, else 0.
+        adapt: of the estimation of noise; None without.
     """
 
     states: int
@@ -70,6 +72,7 @@ class Shape:
     protected: int = 0
     guarded: int = 0
     lazy: int = 0
+    adapt: AdaptShape | None = None
 
     @property
     def monitor(self) -> np.dtype[Any]:
@@ -143,6 +146,7 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     reaction, monitor: faults.records.
     learned: of each guarded state, the part of its variance that readings took away lately, as of learned_ns.
     pending*: intervals since U, d were brought forward, with their transition and noise (step.pending_on).
+    noise: adapt.records; the field is there only where noise is estimated.
     """
     n, f, s, m, ni = shape.errors, shape.filters, shape.sensors, shape.payload, shape.inputs
     z = shape.lazy
@@ -157,6 +161,7 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
         ("gap_from_ns", "<i8", (s,)), ("gap_to_ns", "<i8", (s,)),
         ("longest_gap_ns", "<i8", (s,)), ("live", "<i8", (s,)),
         ("reaction", reaction_dtype(sensors=s, payload=m)), ("monitor", shape.monitor),
+        *([("noise", noise_dtype(shape.adapt, sensors=s, payload=m))] if shape.adapt else []),
     )  # fmt: skip
 
 
@@ -197,6 +202,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     sign; -1: it stays.   guarded: (g,) slots.   covariance_ns: longest that a covariance lags behind its mean.
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
     quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
+    noise: adapt.records, where noise is estimated.
     """
     n, s, m = shape.errors, shape.sensors, shape.payload
     return record(
@@ -217,6 +223,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("quiet_ns", "<i8"),
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
         ("control_period_ns", "<i8"), ("c", "<f8", (shape.law_parameters,)), ("law_at", "<i8", (shape.slots,)),
+        *([("noise", noise_design_dtype(shape.adapt, sensors=s, payload=m))] if shape.adapt else []),
     )  # fmt: skip
 
 
@@ -246,6 +253,7 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
         ("cache_dt_ns", "<i8", (CACHE,)), ("cache_F", "<f8", (CACHE, n, n)), ("cache_B", "<f8", (CACHE, n, ni)),
         ("cache_c", "<f8", (CACHE, n)),
         ("cache_G", "<f8", (CACHE, n, q)), ("cache_q", "<f8", (CACHE, q)),
+        *([("noise", noise_work_dtype(shape.adapt, errors=n, payload=m))] if shape.adapt else []),
     )  # fmt: skip
 
 

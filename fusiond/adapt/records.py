@@ -1,0 +1,89 @@
+"""What is remembered of every sensor's noise, and what its estimation was designed to: two flat records.
+
+All variances are ratios to the declared one, channel by channel after decorrelation, so that a reading that declares
+its own R is served as well, and a floor of 0.01 means the same for metres and for radians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fusiond.faults.records import packed
+
+PRIMARY, OWN = 0, 1
+"""Which filter's innovations an estimate rests on: the primary filter's, or those of the sensor's own local filter."""
+
+
+@dataclass(frozen=True, slots=True)
+class AdaptShape:
+    """Sizes of the records of one configuration's noise estimation.
+
+    Args:
+        memory: numbers that the method remembers of a channel.   levels: of the ladder of ratios (interacting).
+        bins: filters that share the ladder, rows of the bank (0: one filter).   rows, columns: of the fuzzy table.
+    """
+
+    memory: int = 1
+    levels: int = 1
+    bins: int = 0
+    rows: int = 2
+    columns: int = 2
+
+
+def noise_dtype(shape: AdaptShape, *, sensors: int, payload: int) -> np.dtype[Any]:
+    """State of the noise of every sensor.
+
+    begun: whether the sensor's fields hold something; what was learnt outlives a reset.
+    memory: (2, s, m, k) what the method remembers, from the innovations of the primary filter and, apart from them, of
+    the sensor's own.   trusted: (2, s, m) R / declared for the next reading: gate and update.   used: (s, m) the R /
+    declared that weighed the primary filter's last update.
+    slow: (s, m) R / declared over hundreds of readings: the scale of the monitors.   slow_weight: readings it rests on,
+    halved;   slow_mean: slow mean of the innovation, in declared deviations.
+    """
+    s, m = sensors, payload
+    return packed([
+        ("begun", "<i8", (s,)), ("memory", "<f8", (2, s, m, shape.memory)), ("trusted", "<f8", (2, s, m)),
+        ("used", "<f8", (s, m)), ("slow", "<f8", (s, m)), ("slow_weight", "<f8", (s, m)),
+        ("slow_mean", "<f8", (s, m)),
+    ])  # fmt: skip
+
+
+def noise_design_dtype(shape: AdaptShape, *, sensors: int, payload: int) -> np.dtype[Any]:
+    """Tables of the estimation, made at design time.
+
+    adapts: (s,) whether the sensor's noise is estimated.   floor, ceiling: (s, m) smallest and largest ratio.
+    most: largest change of the logarithm of a ratio from one reading to the next.
+    forget: share of what variational inference remembers that is left after a reading;   slow_forget: the same of the
+    slow ratio.   mean_share: of one reading in the slow mean.   window: readings of the fuzzy window.
+    level: (l,) ladder of ratios;   jump: (s, m, l) where a ratio jumps to;   hazard: how often;   bin_first: (b + 1,)
+    the levels of bin k are bin_first[k] <= i < bin_first[k + 1].
+    table: (rows, columns) fuzzy output over its two inputs, which go from row_from, column_from to row_to, column_to.
+    """
+    s, m = sensors, payload
+    return packed([
+        ("adapts", "<i8", (s,)), ("floor", "<f8", (s, m)), ("ceiling", "<f8", (s, m)), ("most", "<f8"),
+        ("forget", "<f8"), ("slow_forget", "<f8"), ("mean_share", "<f8"), ("window", "<f8"),
+        ("level", "<f8", (shape.levels,)), ("jump", "<f8", (s, m, shape.levels)), ("hazard", "<f8"),
+        ("bin_first", "<i8", (shape.bins + 1,)), ("table", "<f8", (shape.rows, shape.columns)),
+        ("row_from", "<f8"), ("row_to", "<f8"), ("column_from", "<f8"), ("column_to", "<f8"),
+    ])  # fmt: skip
+
+
+def noise_work_dtype(shape: AdaptShape, *, errors: int, payload: int) -> np.dtype[Any]:
+    """Scratch of the estimation.
+
+    declared: (m,) declared variances of the reading's channels;   weighed: (2,) what a method says of one channel;
+    slow_root: (m,) deviations of the innovations with the slow R;   root: (m,) with the trusted one.
+    Of the bins: P, mixed: (n, n);   gap, gain: (n,);   shift: (b, n) how far each is from the prior of row 0;   bin: (b,)
+    and likely: (l,) weights, not normalised;   sensor: whose reading it is.
+    """
+    n, m = errors, payload
+    return packed([
+        ("declared", "<f8", (m,)), ("weighed", "<f8", (3,)), ("slow_root", "<f8", (m,)), ("root", "<f8", (m,)),
+        ("P", "<f8", (n, n)), ("mixed", "<f8", (n, n)), ("gap", "<f8", (n,)), ("gain", "<f8", (n,)),
+        ("shift", "<f8", (shape.bins, n)), ("likely", "<f8", (shape.levels,)), ("bin", "<f8", (shape.bins,)),
+        ("sensor", "<i8"),
+    ])  # fmt: skip
