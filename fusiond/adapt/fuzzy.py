@@ -61,7 +61,7 @@ def weigh(
 
     Args:
         memory: (MEMORY,) of the channel.   before: its R.   nu, through: innovation and variance of the state's share,
-        in declared deviations.   said: (3,) output: R for this update, R for the next, extra variance (none).
+        in declared deviations.   said: (4,) output: R for this update, R for the next, what is added (nothing).
     """
     square, ratio = nu * nu, before
     if note(memory, noise.window, nu, square, through):

@@ -26,35 +26,46 @@ from fusiond.numerics.kernel import kernel
 
 @kernel
 def likelihoods(
-    weights: Any, level: Any, jump: Any, first: int, last: int, stay: float, hazard: float,
-    square: float, through: float, shift: float, likely: Any,
-) -> float:  # fmt: skip
-    """Write u_i of the levels first <= i < last, not normalised, into likely; returns their sum.
+    weights: Any, level: Any, jump: Any, first: int, last: int, hazard: float, square: float, through: float,
+    shift: float, likely: Any, sums: Any,
+) -> None:  # fmt: skip
+    """Weigh the levels first <= i < last by a reading: u_i into likely, sum u_i (1, 1/S_i, 1/S_i^2, R_i) into sums[0:4].
 
     Args:
-        weights: (l,) before the reading.   stay: probability that the level stays, times what else scales the weights.
-        hazard: probability of a jump.   square: nu^2.   shift: taken off every exponent, against underflow.
+        weights: (l,) before the reading.   jump: (l,) where a jump leads.   hazard: its probability.
+        square: nu^2.   through: t.   shift: added to every exponent, against underflow; nothing else depends on it.
     """
-    total = 0.0
+    for k in range(4):
+        sums[k] = 0.0
     for i in range(first, last):
-        S = through + level[i]
-        u = (stay * weights[i] + hazard * jump[i]) * np.exp(shift - 0.5 * square / S) / np.sqrt(S)
+        over = 1.0 / (through + level[i])
+        u = ((1.0 - hazard) * weights[i] + hazard * jump[i]) * np.exp(shift - 0.5 * square * over) * np.sqrt(over)
         likely[i] = u
-        total += u
-    return total
+        sums[0] += u
+        sums[1] += u * over
+        sums[2] += u * over * over
+        sums[3] += u * level[i]
 
 
 @kernel
-def moments(likely: Any, level: Any, first: int, last: int, total: float, through: float, said: Any) -> None:
-    """Write v1, v2 - v1^2 and the mean level of the weights likely / total into said[0:3]."""
-    v1, v2, mean = 0.0, 0.0, 0.0
+def unweighed(weights: Any, level: Any, first: int, last: int, through: float, likely: Any, sums: Any) -> None:
+    """As `likelihoods`, of a reading that says nothing: the weights stay, no level jumps."""
+    for k in range(4):
+        sums[k] = 0.0
     for i in range(first, last):
-        share = likely[i] / total
-        over = share / (through + level[i])
-        v1 += over
-        v2 += over / (through + level[i])
-        mean += share * level[i]
-    said[0], said[1], said[2] = v1, max(v2 - v1 * v1, 0.0), mean
+        over = 1.0 / (through + level[i])
+        likely[i] = weights[i]
+        sums[0] += weights[i]
+        sums[1] += weights[i] * over
+        sums[2] += weights[i] * over * over
+        sums[3] += weights[i] * level[i]
+
+
+@kernel
+def spread_of(sums: Any) -> float:
+    """v2 - v1^2, never negative."""
+    v1 = sums[1] / sums[0]
+    return max(sums[2] / sums[0] - v1 * v1, 0.0)
 
 
 @kernel
@@ -78,16 +89,14 @@ def weigh(
     Args:
         memory: (l,) weights of the levels.   before: the ratio of this reading's R to the declared one.
         nu, through: innovation, in declared deviations, and t, in declared variances.
-        said: (3,) output: R for this update, R for the next (the weights' mean), variance added over (P H' H P).
+        said: (4,) output: R for this update, R for the next (the weights' mean), what is added, over P H' H P.
     """
     last, square = noise.level.shape[0], nu * nu
     shift = 0.5 * square / (through + noise.level[last - 1])
-    total = likelihoods(
-        memory, noise.level, noise.jump[sensor, channel], 0, last, 1.0 - noise.hazard, noise.hazard,
-        square, through, shift, memory,
+    likelihoods(
+        memory, noise.level, noise.jump[sensor, channel], 0, last, noise.hazard, square, through, shift, memory, said
     )  # fmt: skip
-    moments(memory, noise.level, 0, last, total, through, said)
+    total, v1, spread = said[0], said[1] / said[0], spread_of(said)
     for i in range(last):
         memory[i] /= total
-    v1, spread, mean = said[0], said[1], said[2]
-    said[0], said[1], said[2] = 1.0 / v1 - through, mean, spread * square
+    said[0], said[1], said[2] = 1.0 / v1 - through, said[3] / total, spread * square

@@ -59,7 +59,8 @@ def noise_design_dtype(shape: AdaptShape, *, sensors: int, payload: int) -> np.d
     forget: share of what variational inference remembers that is left after a reading;   slow_forget: the same of the
     slow ratio.   mean_share: of one reading in the slow mean.   window: readings of the fuzzy window.
     level: (l,) ladder of ratios;   jump: (s, m, l) where a ratio jumps to;   hazard: how often;   bin_first: (b + 1,)
-    the levels of bin k are bin_first[k] <= i < bin_first[k + 1].
+    the levels of bin k are bin_first[k] <= i < bin_first[k + 1];   bin_jump: (b,) share of the jumps that end in it;
+    binned: the sensor whose levels have bins.
     table: (rows, columns) fuzzy output over its two inputs, which go from row_from, column_from to row_to, column_to.
     """
     s, m = sensors, payload
@@ -67,7 +68,7 @@ def noise_design_dtype(shape: AdaptShape, *, sensors: int, payload: int) -> np.d
         ("adapts", "<i8", (s,)), ("floor", "<f8", (s, m)), ("ceiling", "<f8", (s, m)), ("most", "<f8"),
         ("forget", "<f8"), ("slow_forget", "<f8"), ("mean_share", "<f8"), ("window", "<f8"),
         ("level", "<f8", (shape.levels,)), ("jump", "<f8", (s, m, shape.levels)), ("hazard", "<f8"),
-        ("bin_first", "<i8", (shape.bins + 1,)), ("table", "<f8", (shape.rows, shape.columns)),
+        ("bin_first", "<i8", (shape.bins + 1,)), ("bin_jump", "<f8", (shape.bins,)), ("binned", "<i8"), ("table", "<f8", (shape.rows, shape.columns)),
         ("row_from", "<f8"), ("row_to", "<f8"), ("column_from", "<f8"), ("column_to", "<f8"),
     ])  # fmt: skip
 
@@ -75,15 +76,15 @@ def noise_design_dtype(shape: AdaptShape, *, sensors: int, payload: int) -> np.d
 def noise_work_dtype(shape: AdaptShape, *, errors: int, payload: int) -> np.dtype[Any]:
     """Scratch of the estimation.
 
-    declared: (m,) declared variances of the reading's channels;   weighed: (2,) what a method says of one channel;
+    declared: (m,) declared variances of the reading's channels;   weighed: (4,) what a method says of one channel;
     slow_root: (m,) deviations of the innovations with the slow R;   root: (m,) with the trusted one.
     Of the bins: P, mixed: (n, n);   gap, gain: (n,);   shift: (b, n) how far each is from the prior of row 0;   bin: (b,)
-    and likely: (l,) weights, not normalised;   sensor: whose reading it is.
+    their weights;   likely: (l,) weights of the levels, not normalised;   sums: (b, 4) their moments.
     """
     n, m = errors, payload
     return packed([
-        ("declared", "<f8", (m,)), ("weighed", "<f8", (3,)), ("slow_root", "<f8", (m,)), ("root", "<f8", (m,)),
+        ("declared", "<f8", (m,)), ("weighed", "<f8", (4,)), ("slow_root", "<f8", (m,)), ("root", "<f8", (m,)),
         ("P", "<f8", (n, n)), ("mixed", "<f8", (n, n)), ("gap", "<f8", (n,)), ("gain", "<f8", (n,)),
         ("shift", "<f8", (shape.bins, n)), ("likely", "<f8", (shape.levels,)), ("bin", "<f8", (shape.bins,)),
-        ("sensor", "<i8"),
+        ("sums", "<f8", (shape.bins, 4)),
     ])  # fmt: skip

@@ -52,7 +52,7 @@ def weigh(
     Args:
         memory: (MEMORY,) of the channel.   before: its R.   nu, through: innovation, in declared deviations, and t, in declared
         variances.
-        said: (3,) output: R for this update, R for the next, extra variance (none).
+        said: (4,) output: R for this update, R for the next, what is added (nothing).
     """
     weight = noise.forget * memory[0] + 0.5
     ratio = settle_ratio(weight, noise.forget * memory[0] * before, before, nu * nu, through)

@@ -110,6 +110,9 @@ def fill_noise(resolved: Resolved, record: np.record) -> None:
     made["window"] = section.window
     if section.method == "interacting":
         _fill_ladder(section, made)
+        if bins_of(resolved):
+            made["binned"] = resolved.sensors.index(resolved.updating[0])
+            made["bin_jump"] = np.add.reduceat(made["jump"][made["binned"], 0], made["bin_first"][:-1])
     elif section.method.startswith("fuzzy"):
         _fill_table(section, made)
 
