@@ -26,7 +26,7 @@ from fusiond.types import Role
 
 RATIO = 1.5
 """Two levels of the ladder are no further apart than this factor."""
-PER_BIN = 6
+PER_BIN = 9
 """Levels that share one filter."""
 SMALL = 4
 """Largest state for which bins are kept."""
