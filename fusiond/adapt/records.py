@@ -42,12 +42,13 @@ def noise_dtype(shape: AdaptShape, *, sensors: int, payload: int) -> np.dtype[An
     declared that weighed the primary filter's last update.
     slow: (s, m) R / declared over hundreds of readings: the scale of the monitors.   slow_weight: readings it rests on,
     halved;   slow_mean: slow mean of the innovation, in declared deviations.
+    frozen: whether an alarm is open that the sensor's noise does not explain.
     """
     s, m = sensors, payload
     return packed([
         ("begun", "<i8", (s,)), ("memory", "<f8", (2, s, m, shape.memory)), ("trusted", "<f8", (2, s, m)),
         ("used", "<f8", (s, m)), ("slow", "<f8", (s, m)), ("slow_weight", "<f8", (s, m)),
-        ("slow_mean", "<f8", (s, m)),
+        ("slow_mean", "<f8", (s, m)), ("frozen", "<i8", (s,)),
     ])  # fmt: skip
 
 
@@ -77,13 +78,13 @@ def noise_work_dtype(shape: AdaptShape, *, errors: int, payload: int) -> np.dtyp
     """Scratch of the estimation.
 
     declared: (m,) declared variances of the reading's channels;   weighed: (4,) what a method says of one channel;
-    slow_root: (m,) deviations of the innovations with the slow R;   root: (m,) with the trusted one.
+    slow_root, slow_own: (m,) deviations of the innovations with the slow R, and that;   root: (m,) with the trusted one.
     Of the bins: P, mixed: (n, n);   gap, gain: (n,);   shift: (b, n) how far each is from the prior of row 0;   bin: (b,)
     their weights;   likely: (l,) weights of the levels, not normalised;   sums: (b, 4) their moments.
     """
     n, m = errors, payload
     return packed([
-        ("declared", "<f8", (m,)), ("weighed", "<f8", (4,)), ("slow_root", "<f8", (m,)), ("root", "<f8", (m,)),
+        ("declared", "<f8", (m,)), ("weighed", "<f8", (4,)), ("slow_root", "<f8", (m,)), ("slow_own", "<f8", (m,)), ("root", "<f8", (m,)),
         ("P", "<f8", (n, n)), ("mixed", "<f8", (n, n)), ("gap", "<f8", (n,)), ("gain", "<f8", (n,)),
         ("shift", "<f8", (shape.bins, n)), ("likely", "<f8", (shape.levels,)), ("bin", "<f8", (shape.bins,)),
         ("sums", "<f8", (shape.bins, 4)),

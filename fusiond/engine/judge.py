@@ -8,7 +8,7 @@ decides before the next is looked at. Health of a sensor, and what moves it:
 | healthy | an alarm that isolation cannot settle yet | suspect | goes on; the case is reviewed as readings come |
 | healthy, suspect | isolated; the rest sees every state | excluded | becomes the filter that never had the sensor |
 | healthy, suspect | isolated; the rest does not | faulty | takes the error off every reading since the onset |
-| healthy, suspect | isolated; noise | faulty | weighs the readings by the noise they have |
+| healthy, suspect | isolated; noise | faulty | weighs the readings by the noise they have (adaptation: does already) |
 | healthy | one of a set that nothing tells apart | suspect | weighs the whole set down so as to cover all |
 | any | frozen, or nothing that could be used | excluded | does without it, whatever is left |
 | faulty | the error has gone | healthy | believes the readings as they are |
@@ -113,6 +113,8 @@ class Judge:
             return
         age = entries - int(desk["case_at"])
         undecided = finding.outcome is Outcome.UNDECIDED
+        if finding.fit is not None and finding.fit.kind is not Kind.NOISE:
+            reactions.freeze(finding.sensors)
         if undecided and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + max(1, int(PATIENCE * age))
             if age > 0:
@@ -122,6 +124,7 @@ class Judge:
             desk["review_at"] = entries + self.layout.shape.window
         elif finding.outcome is Outcome.AMBIGUOUS or (undecided and len(finding.sensors) > 1):
             reactions.cover(finding)
+            reactions.recall_noise(finding.sensors, finding.fit.onset if finding.fit else 0)
             desk["review_at"] = entries + self.layout.shape.window
         else:
             reactions.close()
@@ -141,13 +144,22 @@ class Judge:
 
     def _noisy(self, reactions: Reactions, fit: Fit) -> bool:
         """Whether a change of noise is a fault: more than tolerated, or the end of one."""
-        if any(reactions.reaction["noise_excess"][sensor] > 0.0 for sensor in fit.place):
+        if set(fit.place) & self._restless(reactions):
             return True
         excess = math.sqrt(max(float(fit.size[0]) ** 2 - 1.0, 0.0))
         members = [suspect for part in fit.hypothesis.parts for suspect in part]
         return any(
-            excess * self.noise_std[one.sensor, one.channel] > self.tolerance.get(one, 0.0) for one in members
+            excess * math.sqrt(reactions.noise_ratio(one.sensor)) * self.noise_std[one.sensor, one.channel]
+            > self.tolerance.get(one, 0.0)
+            for one in members
         )
+
+    def _restless(self, reactions: Reactions) -> frozenset[int]:
+        """Sensors that are taken for noisier than declared, whose noise may become less."""
+        known = reactions.reaction["noise_excess"] > 0.0
+        if reactions.adapts:
+            known = known | (reactions.reaction["kind"] == Kind.NOISE)
+        return frozenset(int(k) for k in np.flatnonzero(known))
 
     def _finding(self, reactions: Reactions) -> Finding:
         """What isolation says about the window now; who is out or silent has nothing to plead."""
@@ -156,9 +168,8 @@ class Judge:
         silent = {int(k) for k in np.flatnonzero((self.silence_ns > 0) & (age_ns > self.silence_ns))}
         out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
-        restless = frozenset(int(k) for k in np.flatnonzero(reactions.reaction["noise_excess"] > 0.0))
         seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
-        return isolate(seen, asked, restless=restless)
+        return isolate(seen, asked, restless=self._restless(reactions))
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""
@@ -226,10 +237,14 @@ class Judge:
             reactions.name(sensor, fit, kind, Health.FAULTY)
 
     def _weigh_down(self, reactions: Reactions, fit: Fit) -> None:
-        """The sensor is noisier, or quieter again, than was thought: use the noise it has."""
+        """The sensor is noisier, or quieter again, than was thought: use the noise it has.
+
+        Where noise is estimated that is done already, and the monitors alone are told.
+        """
         for sensor in fit.place:
-            excess = float(reactions.reaction["noise_excess"][sensor])
-            variance = float(fit.size[0]) ** 2 * (1.0 + excess)
+            variance = float(fit.size[0]) ** 2 * reactions.noise_ratio(sensor)
+            if reactions.adapts:
+                reactions.scale_noise(sensor, float(fit.size[0]) ** 2)
             if variance < 1.5**2:
                 reactions.clear(sensor)
             elif variance > LARGEST_NOISE**2 and self._excludable(reactions, sensor, fit.place):
@@ -238,7 +253,8 @@ class Judge:
             else:
                 reactions.name(sensor, fit, Kind.NOISE, Health.FAULTY)
                 reactions.write("size", float(np.sqrt(variance)), sensor)
-                reactions.write("noise_excess", variance - 1.0, sensor)
+                if not reactions.adapts:
+                    reactions.write("noise_excess", variance - 1.0, sensor)
         reactions.since(fit.onset)
         reactions.replay()
 

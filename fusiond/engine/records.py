@@ -239,7 +239,7 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
         ("x", "<f8", (shape.states,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)),
         ("G", "<f8", (n, q)), ("q", "<f8", (q,)), ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)),
         ("h", "<f8", (m,)), ("H", "<f8", (m, n)), ("nu", "<f8", (m,)), ("R_U", "<f8", (m, m)), ("R_d", "<f8", (m,)),
-        ("R", "<f8", (m, m)), ("root", "<f8", (m,)), ("K", "<f8", (m, n)), ("D", "<f8", (m, m)), ("hdot", "<f8", (m,)),
+        ("R", "<f8", (m, m)), ("root", "<f8", (m,)), ("own", "<f8", (m,)), ("K", "<f8", (m, n)), ("D", "<f8", (m, m)), ("hdot", "<f8", (m,)),
         ("tested", "<f8", (m,)), ("carried", "<f8", (n, n + ni)), ("phi", "<f8", (n, shape.cells)),
         ("rho", "<f8", (shape.cells,)), ("gain", "<f8", (shape.cells,)), ("kept_x", "<f8", (shape.states,)),
         ("kept_d", "<f8", (n,)), ("kept_U", "<f8", (n, n)), ("spare", reading_dtype(m), (1,)),

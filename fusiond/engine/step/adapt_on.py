@@ -24,7 +24,7 @@ from .levels import fuse_levels, predict_levels
 from .method import begin, weigh
 from .sizes import BINS, ERRORS, SENSORS
 
-HEALTHY, FAULTY = int(Health.HEALTHY), int(Health.FAULTY)
+EXCLUDED, PROBATION = int(Health.EXCLUDED), int(Health.PROBATION)
 PRIMARILY, ALONE = int(PRIMARY), int(OWN)
 
 
@@ -43,6 +43,7 @@ def begin_noise(track: Any, design: Any) -> None:
                 begin(noise.memory[k, sensor, i], made, sensor, i, noise.trusted[k, sensor, i])
             noise.used[sensor, i] = noise.trusted[PRIMARILY, sensor, i]
             noise.slow_mean[sensor, i] = 0.0
+        noise.frozen[sensor] = 0
         noise.begun[sensor] = 1
 
 
@@ -55,11 +56,12 @@ def prepare(track: Any, design: Any, work: Any, row: int, t_ns: int) -> None:
 
 @kernel
 def learns(track: Any, design: Any, row: int, sensor: int) -> bool:
-    """Whether what the sensor says now tells of its noise: not while it is suspect, or not used."""
+    """Whether what the sensor says now tells of its noise: not while it may err otherwise, or is not used."""
     if not design.noise.adapts[sensor]:
         return False
     health = track.reaction.health[sensor]
-    return row != CENTRAL or health == HEALTHY or health == FAULTY
+    out = health == EXCLUDED or health == PROBATION
+    return row != CENTRAL or not (out or track.noise.frozen[sensor])
 
 
 @kernel
@@ -88,7 +90,8 @@ def declared_variance(track: Any, work: Any, sensor: int, i: int, variance: floa
 def note_slowly(track: Any, design: Any, work: Any, sensor: int, i: int, nu: float, through: float) -> None:
     """Move the slow ratio of channel i on; write what it expects of the innovation into work.noise.slow_root."""
     noise, made, declared = track.noise, design.noise, work.noise.declared[i]
-    work.noise.slow_root[i] = np.sqrt(through + noise.slow[sensor, i] * declared)
+    work.noise.slow_own[i] = noise.slow[sensor, i] * declared
+    work.noise.slow_root[i] = np.sqrt(through + work.noise.slow_own[i])
     if not learns(track, design, CENTRAL, sensor) or not declared > 0.0:
         return
     scaled = nu / np.sqrt(declared)
@@ -147,8 +150,9 @@ def root_of(work: Any, i: int, S: float) -> float:
 
 @kernel
 def scale_slowly(track: Any, work: Any, sensor: int, dof: int) -> None:
-    """The monitors judge work.e, root by the slow R."""
+    """The monitors judge work.e, root by the slow R, which is work.own."""
     for i in range(dof):
+        work.own[i] = work.noise.slow_own[i]
         root = work.noise.slow_root[i]
         work.e[i] = work.e[i] * work.root[i] / root if root > 0.0 else 0.0
         work.root[i] = root
