@@ -109,7 +109,7 @@ class FuzzySection(Section):
     """Sets of |mean of the innovations| in its own standard deviations, limited to 5."""
     change: dict[str, Trapezoid] = {
         "fall_fast": [-1.5, -1.0, -1.0, -0.5],
-        "fall": [-0.6, -0.33, -0.33, -0.06],
+        "fall": [-0.5, -0.25, -0.25, 0.0],
         "hold": [-0.1, 0.0, 0.0, 0.1],
         "rise": [0.06, 0.33, 0.33, 0.6],
         "rise_fast": [0.5, 1.0, 1.0, 1.5],
