@@ -24,8 +24,10 @@ from fusiond.config import AdaptationSection, FuzzySection, nearest
 from fusiond.errors import ConfigError
 from fusiond.types import Role
 
-RATIO = 1.5
-"""Two levels of the ladder are no further apart than this factor."""
+COARSE, FINE = 1.5, 1.1
+"""Two levels of the ladder are no further apart than COARSE, and need be no nearer than FINE."""
+SPACING = 6.4
+"""Between the two: so many of sqrt(1 / readings between jumps), which is about four deviations of what can be known."""
 PER_BIN = 9
 """Levels that share one filter."""
 SMALL = 4
@@ -38,11 +40,22 @@ MOST_COLUMNS = 2
 Floats = NDArray[np.float64]
 
 
+def spacing(section: AdaptationSection) -> float:
+    """Logarithm of the factor between two levels: the longer noise stays what it is, the better it can be known."""
+    return min(math.log(COARSE), max(math.log(FINE), SPACING / math.sqrt(section.readings_between_jumps)))
+
+
 def ladder(section: AdaptationSection) -> Floats:
-    """Levels from floor to ceiling, evenly in their logarithm, as many as fill bins of PER_BIN."""
+    """Levels from floor to ceiling, evenly in their logarithm, as many for each bin."""
+    span, bins = math.log(section.ceiling / section.floor), most_bins(section)
+    per_bin = math.ceil((span / spacing(section) + 1.0) / bins - 1e-9)
+    return np.geomspace(section.floor, section.ceiling, bins * per_bin)
+
+
+def most_bins(section: AdaptationSection) -> int:
+    """Bins of the ladder, each of no more than PER_BIN levels if these were COARSE."""
     span = math.log(section.ceiling / section.floor)
-    bins = max(1, math.ceil((span / math.log(RATIO) + 1.0) / PER_BIN - 1e-9))
-    return np.geomspace(section.floor, section.ceiling, bins * PER_BIN)
+    return max(1, math.ceil((span / math.log(COARSE) + 1.0) / PER_BIN - 1e-9))
 
 
 def bins_of(resolved: Resolved) -> int:
@@ -56,7 +69,7 @@ def bins_of(resolved: Resolved) -> int:
     plainly = resolved.config.filter.covariance_hz is None and not guarded_slots(resolved)
     if not (single and vector and plainly and _adapts(updating[0])):
         return 0
-    return len(ladder(section)) // PER_BIN
+    return most_bins(section)
 
 
 def _adapts(sensor: ResolvedSensor) -> bool:
@@ -137,7 +150,7 @@ def _fill_ladder(section: AdaptationSection, made: np.record) -> None:
     made["hazard"] = 1.0 / section.readings_between_jumps
     weight = np.where(level >= made["floor"][..., None] * (1.0 - 1e-9), level**-TILT, 0.0)
     made["jump"] = weight / weight.sum(axis=-1, keepdims=True)
-    made["bin_first"] = np.arange(len(made["bin_first"])) * PER_BIN
+    made["bin_first"] = np.arange(len(made["bin_first"])) * (len(level) // most_bins(section))
 
 
 def rules_of(section: FuzzySection) -> fuzzy_design.Rules:

@@ -45,15 +45,25 @@ set of both is the only right answer.
 
 {naming}
 
+## Noise that is not as declared
+
+What the methods are, and what the figures mean: [adaptation.md](adaptation.md).
+
+{adaptation}
+
 ## What is left afterwards
 
 {after}
 """
 
 
+ADAPTATION = "5.adapt."
+"""Beginning of the identity of every row about adaptation."""
+
+
 def under(rows: list[Row], *prefixes: str) -> str:
     """The rows whose identity begins with one of these, as a table."""
-    return table([row for row in rows if row.id.split(".")[0] in prefixes])
+    return table([row for row in rows if row.id.split(".")[0] in prefixes and not row.id.startswith(ADAPTATION)])
 
 
 def write(path: Path, result: Result, quick: bool = False) -> None:
@@ -65,5 +75,6 @@ def write(path: Path, result: Result, quick: bool = False) -> None:
         day=datetime.now(UTC).date(), machine=machine(), quick=", few runs only" if quick else "", before=BEFORE,
         delay=under(result.rows, "2", "3", "4", "5"), promise=under(result.rows, "1"),
         naming=under(result.rows, "6"), after=under(result.rows, "7", "8", "9"),
+        adaptation=table([row for row in result.rows if row.id.startswith(ADAPTATION)]),
     )  # fmt: skip
     path.write_text(text, encoding="utf-8")
