@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,37 @@ def bins_of(resolved: Resolved) -> int:
     if not (single and vector and plainly and _adapts(updating[0])):
         return 0
     return most_bins(section)
+
+
+def adaptation_of(resolved: Resolved) -> dict[str, Any]:
+    """What adaptation does, for `fusiond check`; empty without it."""
+    section = resolved.config.adaptation
+    if section is None:
+        return {}
+    bins = bins_of(resolved)
+    forms = {
+        "interacting": f"{bins} filters share {len(ladder(section))} levels" if bins
+        else f"one filter, {len(ladder(section))} levels a channel",
+        "variational": f"over {section.window:g} readings",
+        "fuzzy": f"{len(section.fuzzy.rules)} rules over {section.window:g} readings",
+        "fuzzy_additive": f"3 rules over {section.window:g} readings, for comparison",
+    }  # fmt: skip
+    adapted = [sensor for sensor in resolved.updating if _adapts(sensor)]
+    return {
+        "method": section.method,
+        "form": forms[section.method],
+        "sensors": {
+            sensor.name: {
+                slot.key: [
+                    math.sqrt(float(sensor.R[i, i] * max(section.floor, _quantised(sensor, i + 1)[i]))),
+                    math.sqrt(float(sensor.R[i, i]) * section.ceiling),
+                ]
+                for i, slot in enumerate(sensor.model.channels[: sensor.model.dof])
+            }
+            for sensor in adapted
+        },
+        "as_declared": [sensor.name for sensor in resolved.updating if sensor not in adapted],
+    }
 
 
 def _adapts(sensor: ResolvedSensor) -> bool:
@@ -136,7 +168,7 @@ def _quantised(sensor: ResolvedSensor, payload: int) -> Floats:
     if sensor.section is None or sensor.role is not Role.UPDATE:
         return share
     steps = by_key(sensor.section.resolution, sensor.model.channels, f"sensor.{sensor.name}.resolution")
-    for i, slot in enumerate(sensor.model.channels[: sensor.model.dof]):
+    for i, slot in enumerate(sensor.model.channels[: min(payload, sensor.model.dof)]):
         declared = float(sensor.R[i, i])
         if declared > 0.0:
             share[i] = min(1.0, steps.get(slot.name, 0.0) ** 2 / 12.0 / declared)
