@@ -109,9 +109,9 @@ class FuzzySection(Section):
     """Sets of |mean of the innovations| in its own standard deviations, limited to 5."""
     change: dict[str, Trapezoid] = {
         "fall_fast": [-1.5, -1.0, -1.0, -0.5],
-        "fall": [-0.5, -0.25, -0.25, 0.0],
-        "hold": [-0.1, 0.0, 0.0, 0.1],
-        "rise": [0.06, 0.33, 0.33, 0.6],
+        "fall": [-0.75, -0.25, -0.25, 0.25],
+        "hold": [-0.5, 0.0, 0.0, 0.5],
+        "rise": [-0.17, 0.33, 0.33, 0.83],
         "rise_fast": [0.5, 1.0, 1.0, 1.5],
     }
     """Sets of the change of ln R in one reading, in units of `step`."""

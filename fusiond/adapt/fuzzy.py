@@ -22,14 +22,25 @@ MEMORY = 4
 
 
 @kernel
+def place_in(at: Any, value: float) -> int:
+    """The interval of increasing points (k,) that holds the value, or the nearest one."""
+    low, high = 0, at.shape[0] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if value < at[middle]:
+            high = middle
+        else:
+            low = middle
+    return low
+
+
+@kernel
 def look_up(noise: Any, row: float, column: float) -> float:
     """The table at (row, column), bilinear between its points, inputs limited to its edges."""
-    rows, columns = noise.table.shape
-    y = min(max((row - noise.row_from) / (noise.row_to - noise.row_from), 0.0), 1.0) * (rows - 1)
-    x = min(max((column - noise.column_from) / (noise.column_to - noise.column_from), 0.0), 1.0) * (columns - 1)
-    i, j = min(int(y), rows - 2), min(int(x), columns - 2)
-    y -= i
-    x -= j
+    i, j = place_in(noise.row_at, row), place_in(noise.column_at, column)
+    y = (row - noise.row_at[i]) / (noise.row_at[i + 1] - noise.row_at[i])
+    x = (column - noise.column_at[j]) / (noise.column_at[j + 1] - noise.column_at[j])
+    y, x = min(max(y, 0.0), 1.0), min(max(x, 0.0), 1.0)
     low = (1.0 - x) * noise.table[i, j] + x * noise.table[i, j + 1]
     high = (1.0 - x) * noise.table[i + 1, j] + x * noise.table[i + 1, j + 1]
     return float((1.0 - y) * low + y * high)

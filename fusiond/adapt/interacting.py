@@ -29,7 +29,8 @@ def likelihoods(
     weights: Any, level: Any, jump: Any, first: int, last: int, hazard: float, square: float, through: float,
     shift: float, likely: Any, sums: Any,
 ) -> None:  # fmt: skip
-    """Weigh the levels first <= i < last by a reading: u_i into likely, sum u_i (1, 1/S_i, 1/S_i^2, R_i) into sums[0:4].
+    """Weigh the levels first <= i < last by a reading: u_i into likely, the sums of
+    u_i (1, 1/S_i, 1/S_i^2, R_i) into sums[0:4].
 
     Args:
         weights: (l,) before the reading.   jump: (l,) where a jump leads.   hazard: its probability.
@@ -39,7 +40,11 @@ def likelihoods(
         sums[k] = 0.0
     for i in range(first, last):
         over = 1.0 / (through + level[i])
-        u = ((1.0 - hazard) * weights[i] + hazard * jump[i]) * np.exp(shift - 0.5 * square * over) * np.sqrt(over)
+        u = (
+            ((1.0 - hazard) * weights[i] + hazard * jump[i])
+            * np.exp(shift - 0.5 * square * over)
+            * np.sqrt(over)
+        )
         likely[i] = u
         sums[0] += u
         sums[1] += u * over
@@ -48,7 +53,9 @@ def likelihoods(
 
 
 @kernel
-def unweighed(weights: Any, level: Any, first: int, last: int, through: float, likely: Any, sums: Any) -> None:
+def unweighed(
+    weights: Any, level: Any, first: int, last: int, through: float, likely: Any, sums: Any
+) -> None:
     """As `likelihoods`, of a reading that says nothing: the weights stay, no level jumps."""
     for k in range(4):
         sums[k] = 0.0

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.faults.records import packed
+from fusiond.numerics.packed import packed
 
 PRIMARY, OWN = 0, 1
 """Which filter's innovations an estimate rests on: the primary filter's, or those of the sensor's own local filter."""
@@ -62,15 +62,16 @@ def noise_design_dtype(shape: AdaptShape, *, sensors: int, payload: int) -> np.d
     level: (l,) ladder of ratios;   jump: (s, m, l) where a ratio jumps to;   hazard: how often;   bin_first: (b + 1,)
     the levels of bin k are bin_first[k] <= i < bin_first[k + 1];   bin_jump: (b,) share of the jumps that end in it;
     binned: the sensor whose levels have bins.
-    table: (rows, columns) fuzzy output over its two inputs, which go from row_from, column_from to row_to, column_to.
+    table: (rows, columns) fuzzy output where its inputs are row_at: (rows,) and column_at: (columns,), increasing.
     """
     s, m = sensors, payload
     return packed([
         ("adapts", "<i8", (s,)), ("floor", "<f8", (s, m)), ("ceiling", "<f8", (s, m)), ("most", "<f8"),
         ("forget", "<f8"), ("slow_forget", "<f8"), ("mean_share", "<f8"), ("window", "<f8"),
         ("level", "<f8", (shape.levels,)), ("jump", "<f8", (s, m, shape.levels)), ("hazard", "<f8"),
-        ("bin_first", "<i8", (shape.bins + 1,)), ("bin_jump", "<f8", (shape.bins,)), ("binned", "<i8"), ("table", "<f8", (shape.rows, shape.columns)),
-        ("row_from", "<f8"), ("row_to", "<f8"), ("column_from", "<f8"), ("column_to", "<f8"),
+        ("bin_first", "<i8", (shape.bins + 1,)), ("bin_jump", "<f8", (shape.bins,)), ("binned", "<i8"),
+        ("table", "<f8", (shape.rows, shape.columns)),
+        ("row_at", "<f8", (shape.rows,)), ("column_at", "<f8", (shape.columns,)),
     ])  # fmt: skip
 
 
@@ -78,13 +79,15 @@ def noise_work_dtype(shape: AdaptShape, *, errors: int, payload: int) -> np.dtyp
     """Scratch of the estimation.
 
     declared: (m,) declared variances of the reading's channels;   weighed: (4,) what a method says of one channel;
-    slow_root, slow_own: (m,) deviations of the innovations with the slow R, and that;   root: (m,) with the trusted one.
-    Of the bins: P, mixed: (n, n);   gap, gain: (n,);   shift: (b, n) how far each is from the prior of row 0;   bin: (b,)
-    their weights;   likely: (l,) weights of the levels, not normalised;   sums: (b, 4) their moments.
+    slow_root, slow_own: (m,) deviations of the innovations with the slow R, and that;   root: (m,) with
+    the trusted one.
+    Of the bins: P, mixed: (n, n);   gap, gain: (n,);   shift: (b, n) how far each is from the prior of row 0;   bin:
+    (b,) their weights;   likely: (l,) weights of the levels, not normalised;   sums: (b, 4) their moments.
     """
     n, m = errors, payload
     return packed([
-        ("declared", "<f8", (m,)), ("weighed", "<f8", (4,)), ("slow_root", "<f8", (m,)), ("slow_own", "<f8", (m,)), ("root", "<f8", (m,)),
+        ("declared", "<f8", (m,)), ("weighed", "<f8", (4,)), ("slow_root", "<f8", (m,)), ("slow_own", "<f8", (m,)),
+        ("root", "<f8", (m,)),
         ("P", "<f8", (n, n)), ("mixed", "<f8", (n, n)), ("gap", "<f8", (n,)), ("gain", "<f8", (n,)),
         ("shift", "<f8", (shape.bins, n)), ("likely", "<f8", (shape.levels,)), ("bin", "<f8", (shape.bins,)),
         ("sums", "<f8", (shape.bins, 4)),

@@ -16,12 +16,14 @@ CLIPPED = 0.995007
 
 
 @kernel
-def slow_ratio(ratio: float, weight: float, forget: float, nu: float, mean: float, share: float, through: float) -> float:
+def slow_ratio(
+    ratio: float, weight: float, forget: float, nu: float, mean: float, share: float, through: float
+) -> float:
     """R after one more reading.
 
     Args:
-        ratio, weight: R and a before.   nu: innovation.   mean: its slow mean before this reading, of which a reading is
-        `share`.   through: variance of the state's share in nu.   All in units of the declared variance.
+        ratio, weight: R and a before.   nu: innovation.   mean: its slow mean before this reading, of which a reading
+        is `share`.   through: variance of the state's share in nu.   All in units of the declared variance.
     """
     S = through + ratio
     widened = 1.0 + share / (2.0 - share)  # the mean is known no better than its readings allow

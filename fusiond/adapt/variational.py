@@ -50,8 +50,8 @@ def weigh(
     """Take one scalar reading into account.
 
     Args:
-        memory: (MEMORY,) of the channel.   before: its R.   nu, through: innovation, in declared deviations, and t, in declared
-        variances.
+        memory: (MEMORY,) of the channel.   before: its R.   nu, through: innovation, in declared deviations, and t, in
+        declared variances.
         said: (4,) output: R for this update, R for the next, what is added (nothing).
     """
     weight = noise.forget * memory[0] + 0.5

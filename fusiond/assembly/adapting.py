@@ -129,7 +129,9 @@ def adapt_shape(resolved: Resolved) -> AdaptShape | None:
         case "variational":
             return AdaptShape(memory=variational.MEMORY)
         case "fuzzy":
-            return AdaptShape(memory=fuzzy.MEMORY, rows=fuzzy_design.ROWS, columns=fuzzy_design.COLUMNS)
+            assert section is not None
+            rows, columns = fuzzy_design.axes_of(rules_of(section.fuzzy))
+            return AdaptShape(memory=fuzzy.MEMORY, rows=len(rows), columns=len(columns))
         case _:
             return AdaptShape(memory=fuzzy.MEMORY, rows=fuzzy_design.ROWS, columns=MOST_COLUMNS)
 
@@ -141,7 +143,8 @@ def fill_noise(resolved: Resolved, record: np.record) -> None:
         return
     if section.floor >= section.ceiling:
         raise ConfigError(
-            f"adaptation.floor: {section.floor} is no less than the ceiling {section.ceiling}; lower it, or raise the ceiling"
+            f"adaptation.floor: {section.floor} is no less than the ceiling {section.ceiling}; "
+            "lower it, or raise the ceiling"
         )
     made = record["noise"]
     for number, sensor in enumerate(resolved.sensors):
@@ -226,10 +229,11 @@ def _fill_table(section: AdaptationSection, made: np.record) -> None:
     step = section.fuzzy.step
     if section.method == "fuzzy":
         rules = rules_of(section.fuzzy)
-        made["table"] = step * _cached(section.fuzzy.model_dump(exclude={"step"}), lambda: fuzzy_design.table_of(rules))
-        made["row_from"], made["row_to"] = fuzzy_design.SCATTER
-        made["column_from"], made["column_to"] = fuzzy_design.MEAN
+        made["table"] = step * _cached(
+            section.fuzzy.model_dump(exclude={"step"}), lambda: fuzzy_design.table_of(rules)
+        )
+        made["row_at"], made["column_at"] = fuzzy_design.axes_of(rules)
     else:
         made["table"] = step * _cached("matching", fuzzy_design.matching_table)
-        made["row_from"], made["row_to"] = fuzzy_design.MATCHING
-        made["column_from"], made["column_to"] = 0.0, 1.0
+        made["row_at"] = np.linspace(*fuzzy_design.MATCHING, fuzzy_design.ROWS)
+        made["column_at"] = 0.0, 1.0

@@ -63,7 +63,9 @@ class Assembly:
         law = source_of(resolved.law_module) if resolved.law_module else None
         process = source_of(resolved.process_module)
         errors = inject_file(resolved.process)
-        files = step_sources(self.layout.shape, process, resolved.process.linear, errors, law, sensors, method_of(resolved))
+        files = step_sources(
+            self.layout.shape, process, resolved.process.linear, errors, law, sensors, method_of(resolved)
+        )
         if self.layout.plain:
             files = plain_sources(self.config, files, linear=resolved.process.linear)
         return import_package(write_package(files))

@@ -42,7 +42,16 @@ SEED_DEVIATION = {
     "variance": 1e-7, "deviation": 1e-14, "identity_variance": 1e-2, "identity_deviation": 1e-4,
 }  # fmt: skip
 """Standard deviation of o_ii in each reading of seed 004's N(0, 1e-14) and N(0, 1e-4)."""
-ALWAYS = ("apply.py", "circle.py", "finish.py", "looking.py", "noise.py", "recursion.py", "spread.py", "update.py")
+ALWAYS = (
+    "apply.py",
+    "circle.py",
+    "finish.py",
+    "looking.py",
+    "noise.py",
+    "recursion.py",
+    "spread.py",
+    "update.py",
+)
 """Files of a plain step that no configuration replaces."""
 KERNELS = ("fuzzy.py", "fuzzy_additive.py", "guards.py", "interacting.py", "slow.py", "variational.py")
 """Files of `fusiond.adapt` that a step calls."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from fusiond.adapt.fuzzy_design import CHANGE, MEAN, SCATTER, Floats, Rules
+from fusiond.adapt.fuzzy_design import CHANGE, MEAN, SCATTER, Rules
 from fusiond.cli.report_svg import LIGHT, LOOK, WIDTH
 
 TITLES = {
@@ -39,13 +40,13 @@ def draw_sets(rules: Rules, folder: Path) -> Path:
         return _save(figure, folder / "fuzzy_sets.svg")
 
 
-def draw_surface(table: Floats, folder: Path) -> Path:
-    """The control surface: the change of ln R over both inputs."""
+def draw_surface(made: Any, folder: Path) -> Path:
+    """The control surface of a design record's noise tables: the change of ln R over both inputs."""
     with mpl.rc_context():
         mpl.rcParams.update(LOOK | {"svg.hashsalt": "surface"})
         figure = Figure((WIDTH, 4.2), layout="constrained")
         at = figure.subplots()
-        scatter, mean = np.linspace(*SCATTER, table.shape[0]), np.linspace(*MEAN, table.shape[1])
+        scatter, mean, table = made["row_at"], made["column_at"], made["table"]
         most = float(np.max(np.abs(table)))
         filled = at.contourf(scatter, mean, table.T, levels=np.linspace(-most, most, 21), cmap="RdBu_r")
         at.contour(scatter, mean, table.T, levels=[0.0], colors=[LIGHT["ink"]], linewidths=0.6)

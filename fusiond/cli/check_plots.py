@@ -25,6 +25,8 @@ def write_plots(assembly: Any, folder: Path) -> list[Path]:
     made = assembly.design[0]["noise"]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        return [draw_sets(rules_of(section.fuzzy), folder), draw_surface(made["table"], folder)]
+        return [draw_sets(rules_of(section.fuzzy), folder), draw_surface(made, folder)]
     except OSError as error:
-        raise ConfigError(f"--plots: {folder} cannot be written ({error.strerror}); name another folder") from error
+        raise ConfigError(
+            f"--plots: {folder} cannot be written ({error.strerror}); name another folder"
+        ) from error

@@ -307,8 +307,10 @@ class Reactions:
         return taken + (size if kind is Kind.BIAS else 0.0), float(np.hypot(known, np.sqrt(variance)))
 
     def _widen(self, sensor: int, channel: int, std: float) -> None:
-        """Add the uncertainty of a bias to the primary filter, and to the levels it is made of: P + g g' std^2, g the error
-        that such a bias has caused."""
+        """Add the uncertainty of a bias to the primary filter and the levels it is made of.
+
+        P + g g' std^2, g the error that such a bias has caused.
+        """
         response = respond(self.engine.window, 0)
         columns = response.raw[response.sensor == sensor, channel]
         g = response.carried[:, columns].sum(axis=1) * std

@@ -24,8 +24,8 @@ def sensors_status(
     """Counts, health and fault of every sensor, by name. `refused`: what came for it and was no reading, by reason.
 
     `heard`: whether any reading of it ever came. One that the state needs and nobody heard is silent, whatever the
-    estimator, which judges by the age of readings, still thinks of it. `noise`: R used and slow R over the declared one,
-    by channel; null where it is as declared.
+    estimator, which judges by the age of readings, still thinks of it. `noise`: R used and slow R over the declared
+    one, by channel; null where it is as declared.
     """
     return {
         sensor.name: {

@@ -63,7 +63,9 @@ ADAPTATION = "5.adapt."
 
 def under(rows: list[Row], *prefixes: str) -> str:
     """The rows whose identity begins with one of these, as a table."""
-    return table([row for row in rows if row.id.split(".")[0] in prefixes and not row.id.startswith(ADAPTATION)])
+    return table(
+        [row for row in rows if row.id.split(".")[0] in prefixes and not row.id.startswith(ADAPTATION)]
+    )
 
 
 def write(path: Path, result: Result, quick: bool = False) -> None:

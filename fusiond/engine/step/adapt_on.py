@@ -103,7 +103,9 @@ def note_slowly(track: Any, design: Any, work: Any, sensor: int, i: int, nu: flo
 
 
 @kernel
-def estimate(track: Any, design: Any, work: Any, row: int, sensor: int, i: int, nu: float, through: float) -> None:
+def estimate(
+    track: Any, design: Any, work: Any, row: int, sensor: int, i: int, nu: float, through: float
+) -> None:
     """Let the method weigh channel i: its R for this update into work.R_d, what to add into work.noise.weighed[2]."""
     noise, made, declared = track.noise, design.noise, work.noise.declared[i]
     k = PRIMARILY if row == CENTRAL else ALONE
@@ -112,7 +114,14 @@ def estimate(track: Any, design: Any, work: Any, row: int, sensor: int, i: int, 
     before = noise.trusted[k, sensor, i]
     if learns(track, design, row, sensor) and declared > 0.0:
         weigh(
-            noise.memory[k, sensor, i], made, sensor, i, before, nu / np.sqrt(declared), through / declared, said
+            noise.memory[k, sensor, i],
+            made,
+            sensor,
+            i,
+            before,
+            nu / np.sqrt(declared),
+            through / declared,
+            said,
         )
         lowest, highest = made.floor[sensor, i], made.ceiling[sensor, i]
         noise.trusted[k, sensor, i] = held(said[1], before, lowest, highest, made.most)

@@ -69,7 +69,9 @@ def mix(track: Any, design: Any, work: Any, b: int, own: float, P: Any) -> None:
 
 
 @kernel
-def expect(track: Any, design: Any, work: Any, b: int, nu: float, declared: float, learning: bool, shift: float) -> None:
+def expect(
+    track: Any, design: Any, work: Any, b: int, nu: float, declared: float, learning: bool, shift: float
+) -> None:
     """Weigh the levels of bin b by the reading: work.noise.likely and sums[b], not normalised.
 
     Args:
