@@ -140,7 +140,7 @@ class AdaptationSection(Section):
     """Largest variance believed, as a multiple of the declared one."""
     readings_between_jumps: Annotated[float, Field(gt=1)] = 250.0
     """How many readings noise stays what it is, on average (interacting); inf: for good."""
-    bins: bool = True
+    separate_filters: bool = True
     """Keep a filter for every few levels where there is one scalar sensor and a small state; else one for all."""
     window: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 20.0
     """Readings that an estimate rests on (fuzzy, variational)."""

@@ -62,7 +62,12 @@ def most_bins(section: AdaptationSection) -> int:
 def bins_of(resolved: Resolved) -> int:
     """Filters that share the ladder; 0: one for all."""
     section, updating = resolved.config.adaptation, resolved.updating
-    if section is None or section.method != "interacting" or not section.bins or is_plain(resolved.config):
+    if (
+        section is None
+        or section.method != "interacting"
+        or not section.separate_filters
+        or is_plain(resolved.config)
+    ):
         return 0
     single = len(updating) == 1 and updating[0].model.dof == 1
     process = resolved.process

@@ -26,7 +26,7 @@ REACH = {
 """RMSE over the oracle's that is to be reached."""
 METHODS: tuple[tuple[str, dict[str, Any], int], ...] = (
     ("interacting", {}, 4000),
-    ("interacting, one filter", {"bins": False}, 500),
+    ("interacting, one filter", {"separate_filters": False}, 500),
     ("variational", {"method": "variational"}, 500),
     ("fuzzy", {"method": "fuzzy"}, 1000),
     ("fuzzy_additive", {"method": "fuzzy_additive"}, 500),
