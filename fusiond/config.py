@@ -109,9 +109,9 @@ class FuzzySection(Section):
     """Sets of |mean of the innovations| in its own standard deviations, limited to 5."""
     change: dict[str, Trapezoid] = {
         "fall_fast": [-1.5, -1.0, -1.0, -0.5],
-        "fall": [-0.75, -0.25, -0.25, 0.25],
+        "fall": [-0.9, -0.4, -0.4, 0.1],
         "hold": [-0.5, 0.0, 0.0, 0.5],
-        "rise": [-0.17, 0.33, 0.33, 0.83],
+        "rise": [-0.05, 0.45, 0.45, 0.95],
         "rise_fast": [0.5, 1.0, 1.0, 1.5],
     }
     """Sets of the change of ln R in one reading, in units of `step`."""
@@ -124,7 +124,7 @@ class FuzzySection(Section):
         ["any", "high", "hold"],
     ]
     """[scatter, mean, change]; "any" leaves an input out. A mean is a bias, which is no noise: it holds R."""
-    step: Positive = 0.3
+    step: Positive = 0.35
     """Largest change of ln R in one reading."""
 
 
