@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
-from fusiond.cli.views import number, table_of
+from fusiond.cli.views import table_of
 
 SELF_EVIDENT = ("stuck", "silent", "garbage", "spike")
 """Kinds that show themselves by what comes or does not come, whatever the model."""
@@ -22,20 +22,35 @@ def show_diagnosability(result: Mapping[str, Any], console: Console) -> None:
     title = (
         f"faults, at one false alarm in {promise:g} s"
         if promise
-        else "faults that a section [faults] would find"
+        else r"faults that a section \[faults] would find"
     )
-    table = table_of(title, "sensor", "channel", "kind", "smallest", "found after", "not told from", "remark")
+    table = table_of(title, "sensor", "channel", "kind", "smallest", "found after", "not told from", "note")
+    notes: dict[str, int] = {}
     for row in rows:
+        remark = _remark(row)
+        note = notes.setdefault(remark, len(notes) + 1) if remark else None
         table.add_row(
             row["sensor"],
             row["channel"],
             row["kind"],
-            number(row["smallest"]),
+            _size(row),
             "never" if row["delay_s"] is None else f"{row['delay_s']:.3g} s",
             ", ".join(row["ambiguous_with"]) or "-",
-            _remark(row),
+            f"({note})" if note else "",
         )
     console.print(table)
+    for remark, note in notes.items():
+        console.print(f"({note}) {remark}", highlight=False)
+
+
+def _size(row: Mapping[str, Any]) -> str:
+    """The smallest fault found: in the channel's unit, or as its kind is measured."""
+    size, kind = row["smallest"], row["kind"]
+    if size is None:
+        return "-"
+    if kind == "scale":
+        return f"{100.0 * size:.3g} %"
+    return f"{size:.3g}" + {"drift": " /s", "noise": " x", "delay": " s"}.get(kind, "")
 
 
 def _remark(row: Mapping[str, Any]) -> str:

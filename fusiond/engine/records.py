@@ -142,8 +142,8 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     d >= 0; they are the covariance of the error of x.
     u: the inputs held now, u_var their variances.   sensor_t_ns: stamp of each sensor's last reading, held ones
     included; sensor_z: its last used one.   gap_from_ns, gap_to_ns: its last silence that was longer than healthy;
-    longest_gap_ns: of late;   live: whether its arrivals are known.   resets, jump: as in the report.
-    reaction, monitor: faults.records.
+    longest_gap_ns: of late;   live: whether its arrivals are known, noted where silences are learnt.
+    resets, jump: as in the report.   reaction, monitor: faults.records.
     learned: of each guarded state, the part of its variance that readings took away lately, as of learned_ns.
     pending*: intervals since U, d were brought forward, with their transition and noise (step.pending_on).
     noise: adapt.records; the field is there only where noise is estimated.

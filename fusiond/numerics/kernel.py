@@ -2,17 +2,21 @@
 
 Kernels are not cached on disk one by one: numba does not notice when a kernel called from another file changes. The
 assembled step is, in a folder named by the hash of everything it was compiled from (`fusiond.assembly`).
+With NUMBA_DISABLE_JIT=1 nothing is compiled.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numba
 
+from fusiond.numerics.compiling import Kernel, whole
+
 P = ParamSpec("P")
 T = TypeVar("T")
+DISABLED = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined] # numba reads it from the environment
 
 
 def kernel(function: Callable[P, T]) -> Callable[P, T]:
@@ -21,8 +25,9 @@ def kernel(function: Callable[P, T]) -> Callable[P, T]:
     No fast-math: a sum is taken in the order written, so that two configurations that compute the same thing
     give the same bits.
     """
-    compiled: Callable[P, T] = numba.njit(error_model="numpy", nogil=True)(function)
-    return compiled
+    compiled: Any = function if DISABLED else Kernel(function)
+    typed: Callable[P, T] = compiled
+    return typed
 
 
 def entry(function: Callable[P, T]) -> Callable[P, T]:
@@ -31,8 +36,12 @@ def entry(function: Callable[P, T]) -> Callable[P, T]:
     Only where an edit cannot leave stale code behind: its callees stand in the same file, or the file's folder is
     named by the hash of all of them.
     """
-    compiled: Callable[P, T] = numba.njit(error_model="numpy", nogil=True, cache=True)(function)
-    return compiled
+    if DISABLED:
+        return function
+    compiled: Any = whole(function)
+    compiled.enable_caching()
+    typed: Callable[P, T] = compiled
+    return typed
 
 
 def interpreted(function: Callable[P, T]) -> Callable[P, T]:

@@ -117,9 +117,9 @@ def test_messages_name_them_and_say_null_where_nothing_is_known() -> None:
     assert estimate_message(engine.layout, blank[0], 0, "")["protection"] == unknown
     reports = engine.process(reading(engine.layout, "a", 2 * MS, [1.0, 0.0])).copy()
     rows, raw = ReportRows(engine.layout), reports.tobytes()
-    x, std, resets, jump = rows.state(raw, 0)
+    x, std, resets, jump, unobserved = rows.state(raw, 0)
     message = EstimateMessage(engine.layout).content(
-        0, 1, 1, resets, jump, x, std, 0, None, rows.protection(raw, 0)
+        0, 1, 1, resets, jump, x, std, 0, None, rows.protection(raw, 0), unobserved
     )
     named = dict(zip(("velocity", "position"), reports["protection"][0].tolist(), strict=True))
     assert message["protection"] == named == estimate_message(engine.layout, reports[0], 0, "")["protection"]

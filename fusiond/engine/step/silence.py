@@ -44,7 +44,7 @@ def unsteady(track: Any, design: Any, sensor: int, now_ns: int) -> bool:
 @kernel
 def note_gap(track: Any, design: Any, sensor: int, t_ns: int, live: bool) -> None:
     """Learn from the time since the sensor's last reading; a silence soon after another continues it."""
-    if live:
+    if live and STEADY > 0:
         track.live[sensor] = 1
     limit = deadline_ns(track, design, sensor)
     gap_ns = t_ns - track.sensor_t_ns[sensor]
