@@ -30,7 +30,7 @@ OVER = (2.0, 8.0)
 LARGEST_SCALE = 0.5
 """No cell looks for a larger relative error."""
 TESTS_EACH = 2.0
-"""Tests of the usual kind that a sensor's cells are worth: to a false alarm they run longer than their threshold says."""
+"""Tests of the usual kind that a sensor's cells are worth: they run longer to an alarm than their threshold says."""
 
 
 @dataclass(frozen=True, slots=True)
