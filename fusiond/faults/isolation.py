@@ -204,16 +204,14 @@ def _demands(best: Fit, pleas: Sequence[Fit], margins: Margins, twins: Twins) ->
     for plea in pleas:
         which = next(apart) if Kind.NOISE not in (best.kind, plea.kind) else None
         needs = margins
-        if twins.closed(best.place, plea.place):
+        if best.kind is not Kind.SPIKE and twins.closed(best.place, plea.place):
             needs = replace(margins, place=math.inf, sudden=math.inf)
-        twin = twins.are(best.place, plea.place)
+        twin = best.kind is not Kind.SPIKE and twins.are(best.place, plea.place)
         demands.append(_demand(best.score - plea.score, which, needs, twin=twin))
     return demands
 
 
-def _demand(
-    margin: float, apart: Separation | None, margins: Margins, *, twin: bool
-) -> tuple[bool, bool]:
+def _demand(margin: float, apart: Separation | None, margins: Margins, *, twin: bool) -> tuple[bool, bool]:
     """Whether a margin falls short of what is needed, and whether waiting can bring it."""
     if apart is None:
         return margin < margins.place, True
@@ -240,7 +238,9 @@ def _decide(
         if fit.place != best.place
         and (best.score - fit.score < margins.sudden or twins.are(best.place, fit.place))
     ]
-    pleas = [plea for rival in rivals for plea in _best_of_kinds([f for f in close if f.place == rival.place])]
+    pleas = [
+        plea for rival in rivals for plea in _best_of_kinds([f for f in close if f.place == rival.place])
+    ]
     demanded = list(zip(pleas, _demands(best, pleas, margins, twins), strict=True))
     for rival in rivals:
         demands = [demand for plea, demand in demanded if plea.place == rival.place]
