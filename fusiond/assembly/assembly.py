@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fusiond.assembly.design import design_of, layout_of
 from fusiond.assembly.detection import Detection
+from fusiond.assembly.expected_cost import Expected, expected_costs
 from fusiond.assembly.jacobians import check_jacobians
 from fusiond.assembly.modules import require
 from fusiond.assembly.observability import require_observable
@@ -24,6 +25,7 @@ from fusiond.assembly.protecting import protected, write_protection
 from fusiond.assembly.resolve import Resolved, by_key, resolve
 from fusiond.assembly.watching import judge_of, obey, overseen, watched, write_tests
 from fusiond.config import Config, read
+from fusiond.control.plant import Plan
 from fusiond.engine.engine import Derive, Engine
 from fusiond.engine.layout import Layout
 from fusiond.engine.overseer import Overseer
@@ -52,6 +54,16 @@ class Assembly:
     def config(self) -> Config:
         """The configuration it was made from."""
         return self.resolved.config
+
+    @property
+    def plan(self) -> Plan | None:
+        """What the control law was designed from; None where it was not."""
+        return self.resolved.law.plan if self.resolved.law else None
+
+    @cached_property
+    def expected_costs(self) -> list[Expected]:
+        """What control should cost with every set of working sensors."""
+        return expected_costs(self.resolved)
 
     @cached_property
     def package(self) -> ModuleType:
@@ -86,7 +98,9 @@ class Assembly:
     def _desk(self) -> NDArray[np.void]:
         """The first desk record: the configured reference."""
         desk = np.zeros(1, self.layout.desk)
-        section = self.config.control
+        section, law = self.config.control, self.resolved.law
+        if law is not None and not law.references:
+            desk[0]["has_reference"] = 1
         if section is not None and section.reference:
             values = by_key(section.reference, self.layout.references, "control.reference")
             desk[0]["reference"][:] = [values.get(slot.name, 0.0) for slot in self.layout.references]
@@ -152,10 +166,11 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
     if not layout.plain:
         return Assembly(resolved, layout, design, detection)
     overseer = assemble(overseen(config), folder) if config.faults else None
-    if overseer:
+    if overseer is not None:
         obey(design, overseer.design)
+        detection = overseer.detection
     design = plain_design(resolved, layout, design)
-    return Assembly(resolved, layout, design, overseer.detection if overseer else None, overseer)
+    return Assembly(resolved, layout, design, detection, overseer)
 
 
 def load(path: Path) -> Assembly:

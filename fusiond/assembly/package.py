@@ -30,7 +30,7 @@ from fusiond.models.contract import Process
 SWAPPED = (
     "process.py", "observe.py", "law.py", "sizes.py", "advance.py", "advance_nonlinear.py", "inject.py",
     "inject_manifold.py", "inject_turning.py", "monitor_on.py", "protect.py", "protect_on.py", "guard.py",
-    "guard_on.py", "pending.py", "pending_on.py",
+    "guard_on.py", "pending.py", "pending_on.py", "steer.py", "steer_on.py", "feed.py", "feed_on.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
 STEADY = 20
@@ -78,6 +78,7 @@ def sizes_source(shape: records.Shape) -> str:
     """The sizes of the records as constants."""
     constants = {
         "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises,
+        "FEEDS": shape.feeds,
         "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
         "STEADY": STEADY if shape.cells else 0, "CELLS": shape.cells, "WINDOW": shape.window,
         "PROTECTED": shape.protected, "GUARDED": shape.guarded,
@@ -112,6 +113,8 @@ def step_sources(
     files["protect.py"] = template["protect_on.py" if shape.protected > 0 else "protect.py"]
     files["pending.py"] = template["pending_on.py" if shape.lazy else "pending.py"]
     files["guard.py"] = template["guard_on.py" if shape.guarded > 0 else "guard.py"]
+    files["steer.py"] = template["steer.py" if law is None else "steer_on.py"]
+    files["feed.py"] = template["feed_on.py" if shape.feeds else "feed.py"]
     if shape.cells > 0:
         files["monitor.py"] = template["monitor_on.py"]
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,12 +16,17 @@ from fusiond.config import Config, FaultsSection, FilterSection, FusionSection, 
 from fusiond.engine.judge import Judge
 from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
+from fusiond.faults.diagnosability import TOLD_APART, shares_left
 from fusiond.faults.hypotheses import catalogue
+from fusiond.faults.isolation import Twins
 from fusiond.faults.thresholds import ROBUST, SHARP, Promise
 from fusiond.types import Role, nanoseconds
 
 SILENT_PERIODS = 2.5
 """Periods without a reading after which a regular stream is silent; an irregular one is given what it needs."""
+SLOWEST, WINDOW_S, MOST = 64, 5.0, 2048
+"""The window holds so many readings of its slowest sensor, and of all sensors what they say in so many seconds: a scale,
+a delay, an error of a rate show only as the machine moves. At most so many readings in all."""
 USUAL_S = 5.0
 """Over how long the usual value of an input is taken."""
 PROFILES = {"sharp": SHARP, "robust": ROBUST}
@@ -30,6 +36,13 @@ def promise_of(section: FaultsSection) -> Promise:
     """What the operator is promised."""
     dead_band, studentise = PROFILES[section.profile]
     return Promise(section.mean_time_between_false_alarms_s, dead_band, studentise)
+
+
+def window_of(resolved: Resolved, least: int) -> int:
+    """Readings the window holds: of the slowest sensor SLOWEST of them, and all that happens in WINDOW_S."""
+    rates = [rate_hz(resolved, sensor) for sensor in resolved.updating]
+    seconds = max(SLOWEST / min(rates), WINDOW_S)
+    return max(least, min(math.ceil(seconds * sum(rates)), MOST))
 
 
 def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | None]:
@@ -43,7 +56,7 @@ def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | Non
     if layout.plain:
         return layout, None
     detection = detection_of(resolved, layout, promise_of(section))
-    shape = replace(layout.shape, cells=detection.cells, window=section.window)
+    shape = replace(layout.shape, cells=detection.cells, window=window_of(resolved, section.window))
     return replace(layout, shape=shape), detection
 
 
@@ -91,6 +104,7 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
     tests["theta"][:cells], tests["limit"][:cells] = detection.cell_theta, detection.cell_h
     tests["tolerance"][:cells] = detection.cell_tolerance
     tests["channel"][:cells], tests["age"][:cells] = detection.cell_channel, detection.cell_age
+    tests["kind"][:cells] = detection.cell_kind
     tests["first"], tests["last"] = detection.first, detection.last
     tests["is_input"] = [sensor.role is Role.INPUT for sensor in resolved.sensors]
     tests["gate"] = detection.gate
@@ -102,6 +116,8 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
     tests["usual_share"] = [
         min(1.0, 1.0 / (USUAL_S * rate_hz(resolved, sensor))) for sensor in resolved.sensors
     ]
+    if record["stands_for"] >= 0:
+        tests["usual_share"][record["stands_for"]] = 0.0  # the command says what it would be, not its past
     tests["dead_band"], tests["studentise"] = detection.dead_band, detection.studentise
 
 
@@ -112,6 +128,19 @@ def groups_of(resolved: Resolved) -> list[list[int]]:
         if sensor.role is Role.UPDATE and sensor.section is not None and sensor.section.group:
             named.setdefault(sensor.section.group, []).append(number)
     return [members for members in named.values() if len(members) > 1]
+
+
+def twins_of(detection: Detection) -> Twins:
+    """Pairs of updating sensors of which the diagnosability matrix calls a bias of one ambiguous with the other."""
+    found = detection.signatures
+    own = {suspect.sensor for suspect in found.suspects if not suspect.is_input}
+    return frozenset(
+        frozenset((suspect.sensor, other))
+        for i, suspect in enumerate(found.suspects)
+        if suspect.sensor in own
+        for other, share in shares_left(found, i).items()
+        if other in own and share < TOLD_APART
+    )
 
 
 def judge_of(
@@ -138,6 +167,7 @@ def judge_of(
             [np.pad(np.sqrt(np.diagonal(s.R)), (0, layout.shape.payload - len(s.R))) for s in sensors]
         ),
         tolerance={suspect: tolerance_of(resolved, suspect) for suspect in suspects_of(resolved)},
+        twins=twins_of(detection),
         policy=tuple(getattr(sensor.section, "policy", "auto") for sensor in sensors),
         silence_ns=np.array(design[0]["silence_ns"]),
         replaceable=tuple(bool(getattr(sensor.section, "without_input_std", None)) for sensor in sensors),

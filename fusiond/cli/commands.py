@@ -110,6 +110,7 @@ def check(config: ConfigPath, as_json: Json = False, part: Part = None) -> None:
     from fusiond.assembly.summary import summary
     from fusiond.cli.configuring import load
     from fusiond.cli.diagnosability_view import show_diagnosability
+    from fusiond.cli.loop_view import show_loop
     from fusiond.cli.views import console, show_check
 
     result = summary(load(config, part))
@@ -118,6 +119,7 @@ def check(config: ConfigPath, as_json: Json = False, part: Part = None) -> None:
     else:
         show_check(result)
         show_diagnosability(result, console)
+        show_loop(result, console)
 
 
 @app.command()

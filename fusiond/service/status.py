@@ -45,11 +45,13 @@ def status(
     *, config: Any, mode: str, endpoints: tuple[str, ...], epoch: int, uptime_s: float, resets: int,
     counters: Counters, decoder: Decoder, watch: HealthWatch, mailbox: Mailbox, latest: Any,
     parity: dict[str, Any], repairs: int, guard: dict[str, float], state_sha256: str, recorder: Any,
+    control: dict[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
     """The daemon's account of itself.
 
     Args:
         repairs, guard: what the guard of the covariance did and met (`Engine.guard`; empty where none is needed).
+        control: level of the last command (null before the first), commands so far, deadlines the loop missed, cost.
     """
     recording = None if recorder is None else {"dropped": dict(recorder.dropped), "error": recorder.error}
     return {
@@ -75,6 +77,7 @@ def status(
         "guard": guard,
         "state_sha256": state_sha256,
         "recording": recording,
+        "control": control,
     }
 
 

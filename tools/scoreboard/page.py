@@ -51,9 +51,14 @@ set of both is the only right answer.
 """
 
 
+OTHER_PAGES = ("5.control.",)
+"""Rows that have a page of their own: docs/control.md."""
+
+
 def under(rows: list[Row], *prefixes: str) -> str:
     """The rows whose identity begins with one of these, as a table."""
-    return table([row for row in rows if row.id.split(".")[0] in prefixes])
+    ours = [row for row in rows if not row.id.startswith(OTHER_PAGES)]
+    return table([row for row in ours if row.id.split(".")[0] in prefixes])
 
 
 def write(path: Path, result: Result, quick: bool = False) -> None:
