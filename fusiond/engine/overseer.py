@@ -5,6 +5,7 @@ of those that leave one out, exists there alone: a topology with averaged gains 
 innovation whose distribution is known. So a compiled engine runs beside the plain one. What it decides about a sensor
 (left out, corrected, weighed down) is written into the plain track and its snapshots, and the plain readings since the
 onset are applied once more: the plain topology becomes what it would have been, had it known at the onset.
+A delay that cannot be spared is named but not taken off: that needs the rate of h, which only the monitors know.
 """
 
 from __future__ import annotations
