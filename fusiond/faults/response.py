@@ -130,7 +130,8 @@ def noise_roots(window: NDArray[Any]) -> Matrix:
     """(W, m, m) a square root of the covariance of each reading's own noise, in raw channels: D^-1 diag(sqrt(r)).
 
     The variance r of each scalar's own noise is S (1 - H K), as K = P H'/S; where a reading was not used, K is unknown
-    and the median of its sensor's others stands in, and S where there are none.
+    and the median of its sensor's others stands in, and S where there are none. Where noise is estimated the gain knows
+    another R than S does, and the entry has r itself.
     """
     m = window["e"].shape[1]
     S = window["root"] ** 2
@@ -140,6 +141,7 @@ def noise_roots(window: NDArray[Any]) -> Matrix:
         own = window["sensor"] == sensor
         if np.any(own & used):
             r[own & ~used] = np.minimum(np.median(r[own & used], axis=0), S[own & ~used])
+    r = np.where(window["own"] > 0.0, window["own"], r)
     exists = np.arange(m) < window["dof"][:, None]
     return undecorrelated(window) * np.sqrt(np.where(exists, r, 0.0))[:, None, :]
 

@@ -1,4 +1,4 @@
-"""A multi-body car in manoeuvres, watched: what a linear tyre does not explain is no sensor's fault, a lying gyro is."""
+"""A multi-body car in manoeuvres, watched: what a linear tyre does not explain is no sensor's fault; a bias is."""
 
 from __future__ import annotations
 
@@ -45,7 +45,9 @@ def noisy(drive, seed, *faults):
     for name, stds in NOISE.items():
         rows = np.flatnonzero(told["sensor"] == drive.sensor(name))
         told["z"][rows, :2] += stds * stream(seed, f"sensor/{name}").standard_normal((rows.size, 2))
-    return drive.assembly.engine().process(np.concatenate(list(inject_into([told], drive.assembly, faults, 0))))
+    return drive.assembly.engine().process(
+        np.concatenate(list(inject_into([told], drive.assembly, faults, 0)))
+    )
 
 
 @pytest.mark.parametrize("name", ["dlc_60kmh", "dlc_100kmh", "jturn_60kmh", "jturn_100kmh"])

@@ -37,7 +37,13 @@ R = (1.0, 1.0, 1.0)
 
 def plant(topology: str, isolated: bool) -> Assembly:
     """configs/reference_plant.toml with three equal sensors, one topology, and its faults looked for or not."""
-    sensor = {"kind": "linear", "H": [[1.0, 0.0, 0.0]], "channels": ["y"], "rate_hz": 1.0, "noise_std": {"y": 1.0}}
+    sensor = {
+        "kind": "linear",
+        "H": [[1.0, 0.0, 0.0]],
+        "channels": ["y"],
+        "rate_hz": 1.0,
+        "noise_std": {"y": 1.0},
+    }
     faults = {"mean_time_between_false_alarms_s": 36000.0} if isolated else None
     changes: Mapping[str, Any] = {
         "model": {"Q": [[Q]]},
@@ -81,7 +87,10 @@ def measured(seeds: int = SEEDS) -> dict[tuple[str, str, bool], float]:
 def table(seeds: int = SEEDS) -> str:
     """The table, as Markdown."""
     found = measured(seeds)
-    lines = ["| fault | isolation | " + " | ".join(TOPOLOGIES.values()) + " |", "|---|---|" + "---|" * len(TOPOLOGIES)]
+    lines = [
+        "| fault | isolation | " + " | ".join(TOPOLOGIES.values()) + " |",
+        "|---|---|" + "---|" * len(TOPOLOGIES),
+    ]
     for fault in FAULTS:
         for isolated in (False, True):
             if fault == "none" and not isolated:
