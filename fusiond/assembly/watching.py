@@ -24,9 +24,8 @@ from fusiond.types import Role, nanoseconds
 
 SILENT_PERIODS = 2.5
 """Periods without a reading after which a regular stream is silent; an irregular one is given what it needs."""
-SLOWEST, WINDOW_S, MOST = 64, 5.0, 2048
-"""The window holds so many readings of its slowest sensor, and of all sensors what they say in so many seconds: a
-scale, a delay, an error of a rate show only as the machine moves. At most so many readings in all."""
+SLOWEST, MOST = 64, 2048
+"""The window holds so many readings of its slowest sensor, and at most so many in all."""
 USUAL_S = 5.0
 """Over how long the usual value of an input is taken."""
 PROFILES = {"sharp": SHARP, "robust": ROBUST}
@@ -39,15 +38,14 @@ def promise_of(section: FaultsSection) -> Promise:
 
 
 def window_of(resolved: Resolved, least: int) -> int:
-    """Readings the window holds: of the slowest sensor SLOWEST of them, and all that happens in WINDOW_S.
+    """Readings the window holds: of the slowest sensor SLOWEST of them.
 
     Where lasting errors are tolerated no more than `least`: for longer, a tolerated error wanders as a fault does.
     """
     if any(tolerance_of(resolved, suspect) > 0.0 for suspect in suspects_of(resolved)):
         return least
     rates = [rate_hz(resolved, sensor) for sensor in resolved.updating]
-    seconds = max(SLOWEST / min(rates), WINDOW_S)
-    return max(least, min(math.ceil(seconds * sum(rates)), MOST))
+    return max(least, min(math.ceil(SLOWEST / min(rates) * sum(rates)), MOST))
 
 
 def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | None]:
