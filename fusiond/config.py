@@ -234,6 +234,17 @@ class HealthSection(Section):
     """Invalid once nothing has corrected the state for this long."""
 
 
+class StandInSection(Section):
+    """The command in the place of an input that is silent or excluded: what a push does is known without a sensor."""
+
+    sensor: Name
+    """The input, one with `without_input_std`, which then says how well the plant is known."""
+    rate_of: Name
+    """State of the plant (`states` of the law) whose rate of change the input measures."""
+    plus: Name | None = None
+    """State that the input's readings have on top: its bias."""
+
+
 class ControlSection(Section):
     """The control law. Its parameters stand beside these."""
 
@@ -241,6 +252,39 @@ class ControlSection(Section):
     """Commands per second of data time."""
     reference: Numbers = {}
     """Goal until one comes on `reference`, by name with unit."""
+    lowest: Numbers = {}
+    """Smallest command, by name with unit; the estimate is told what was really done."""
+    highest: Numbers = {}
+    """Largest command, by name with unit."""
+    slew: dict[str, Positive] = {}
+    """Fastest change of the command, by name with unit and `_s` (per second): { force_n_s = 20.0 }."""
+    fade_s: NotNegative = 0.0
+    """The bump of the command when a sensor comes or goes, or the state is reset, is faded out over this time."""
+    waits_for: list[str] = []
+    """Sensors whose reading of the same moment a due command waits for, unless they missed the last."""
+    wait_s: NotNegative | None = None
+    """Longest such wait; by default half a period."""
+    dead_reckoning_s: NotNegative | None = None
+    """Longest time that commands come from dead reckoning; by default until the estimate is invalid."""
+    doubt_s: NotNegative | None = None
+    """Longest time that commands come from an estimate that no sound sensor corrects, only suspect or faulty ones; by
+    default no limit."""
+    largest_std: dict[str, Positive] = {}
+    """Deviations of the estimate, by name with unit, above which nothing is commanded but the safe command."""
+    safe: Literal["hold", "zero", "ramp"] = "hold"
+    """What is commanded, not valid, while there is no estimate to command from: the last command (hold), `safe_command`
+    (zero), or a straight line from one to the other (ramp)."""
+    safe_command: Numbers = {}
+    """The command at rest, by name with unit; what is not named is 0."""
+    safe_ramp_s: Positive = 1.0
+    """How long the ramp takes."""
+    stand_in: StandInSection | None = None
+    """What the command stands in for, with a section [faults]; by default nothing."""
+    deadline_s: Positive | None = None
+    """Time without a command after which the service publishes the safe one; by default five periods of commands, or
+    of `service.tick_hz`, and no less than 0.25 s."""
+    cost_time_s: Positive = 60.0
+    """The running cost is a mean that forgets with this time constant."""
 
 
 class ServiceSection(Section):

@@ -84,6 +84,8 @@ class Verdict(Label):
     """further from the prediction than noise explains: not used, but weighed as evidence of a fault"""
     EXCLUDED = 11
     """its sensor is thought faulty: not used, but watched for its return"""
+    CONFLICT = 12
+    """its sequence number came before with another value: two publishers share the key"""
     UNKNOWN_SENSOR = 20
     BAD_CRC = 21
     MALFORMED = 22

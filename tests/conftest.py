@@ -20,6 +20,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+import fusiond  # noqa: F401  # before numpy is loaded: it keeps BLAS to one thread
+
 PROJECT = Path(__file__).resolve().parent.parent
 MARKER = "recordings"
 SKIPPED = pytest.StashKey[list[str]]()

@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from tools.bench_engine import bench_memory, bench_replay, bench_start, bench_step
-from tools.bench_service import bench_round_trip, bench_throughput
+from tools.bench_service import bench_command_age, bench_round_trip, bench_throughput
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +92,17 @@ def daemon_rows() -> list[Row]:
     return rows
 
 
+def command_rows() -> list[Row]:
+    """From a reading's put to the command at the actuator."""
+    found = bench_command_age()
+    ratio = found["ratio"]
+    name = (
+        "age of a command at the actuator, from the put of the reading it answers, 1 kHz, LQG mini car, p99"
+    )
+    value = found["command_p99_us"]
+    return [Row("5.command.age", name, value, "us", "zenoh echo", ratio, "<= 1.5", ratio <= 1.5)]
+
+
 def start_rows() -> list[Row]:
     """From `fusiond run` to the first estimate."""
     found = bench_start()
@@ -114,7 +125,8 @@ def memory_rows() -> list[Row]:
 
 
 PARTS: dict[str, Callable[[], list[Row]]] = {
-    "step": step_rows, "replay": replay_rows, "daemon": daemon_rows, "start": start_rows, "memory": memory_rows,
+    "step": step_rows, "replay": replay_rows, "daemon": daemon_rows, "command": command_rows,
+    "start": start_rows, "memory": memory_rows,
 }  # fmt: skip
 
 

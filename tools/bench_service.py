@@ -85,13 +85,18 @@ def _in_thread(work: Callable[[], None]) -> None:
     threading.Thread(target=until_closed, daemon=True).start()
 
 
-def run_daemon(publish_hz: float, record: str) -> None:
-    """The daemon with the mini car's configuration, until SIGTERM."""
+def run_daemon(publish_hz: float, record: str, command_hz: float) -> None:
+    """The daemon with the mini car's configuration, until SIGTERM; with command_hz the one under LQG, commanding so."""
     from fusiond.assembly.assembly import assemble
     from fusiond.config import read
     from fusiond.service.serve import serve
 
     config = read(CONFIG)
+    if command_hz:
+        steered = read(CONFIG.with_name(f"{NAME}_lqg.toml"))
+        assert steered.control is not None
+        control = steered.control.model_copy(update={"rate_hz": command_hz})
+        config = steered.model_copy(update={"control": control, "namespace": f"fusiond/{NAME}"})
     service = config.service.model_copy(update={"publish_hz": publish_hz})
     assembly = assemble(config.model_copy(update={"service": service}), CONFIG.parent)
     sys.exit(
@@ -208,10 +213,21 @@ def highest_rate(endpoint: str) -> dict[str, float]:
         search.close()
 
 
-def round_trips(endpoint: str, *, rate_hz: float = 1000.0, for_s: float = 2.0) -> list[float]:
-    """Times from a put to what comes back for it, s, at a paced rate, sorted."""
+def round_trips(
+    endpoint: str,
+    *,
+    rate_hz: float = 1000.0,
+    for_s: float = 2.0,
+    topic: str = "estimate",
+    least: float = 0.99,
+) -> list[float]:
+    """Times from a put to what comes back for it on a topic, s, at a paced rate, sorted.
+
+    Args:
+        least: share of what was sent for which something must come back.
+    """
     session = open_session(session_options("client", connect=[endpoint]))
-    back = session.declare_subscriber(f"fusiond/{NAME}/estimate", zenoh.handlers.RingChannel(1024))
+    back = session.declare_subscriber(f"fusiond/{NAME}/{topic}", zenoh.handlers.RingChannel(1024))
     arrivals: list[tuple[int, zenoh.Sample]] = []
 
     def collect() -> None:
@@ -239,7 +255,7 @@ def round_trips(endpoint: str, *, rate_hz: float = 1000.0, for_s: float = 2.0) -
     stamped = ((came, stamp_of(sample)) for came, sample in arrivals)
     times = sorted((came - sent[stamp]) / 1e9 for came, stamp in stamped if stamp in sent)
     session.close()
-    if len(times) < 0.99 * len(sent):
+    if len(times) < least * len(sent):
         raise RuntimeError(f"{endpoint}: {len(sent)} sent, only {len(times)} came back")
     return times
 
@@ -288,12 +304,29 @@ def bench_round_trip(repeats: int = 5) -> dict[str, Any]:
     }
 
 
+COMMAND_HZ = 5000.0
+"""Above the rate of readings: each of them has its command, but one sent less than 0.2 ms after another."""
+
+
+def bench_command_age(repeats: int = 5) -> dict[str, float]:
+    """Age of a command at the actuator, from the put of the reading it answers, and a bare echo; medians, us."""
+    found: dict[str, list[float]] = {"echo": [], "command": []}
+    with process("echo") as echo, process("daemon", "--command-hz", str(COMMAND_HZ)) as daemon:
+        for _ in range(repeats):
+            for name, endpoint, topic in (("echo", echo, "estimate"), ("command", daemon, "control")):
+                times = round_trips(endpoint, topic=topic, least=0.8)
+                found[name].append(times[len(times) * 99 // 100] * 1e6)
+    echo_us, command_us = (sorted(found[name])[repeats // 2] for name in ("echo", "command"))
+    return {"echo_p99_us": echo_us, "command_p99_us": command_us, "ratio": command_us / echo_us}
+
+
 def main() -> None:
     """Print both as one JSON object, or play one of the roles."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--role", choices=["counter", "echo", "daemon"])
     parser.add_argument("--publish-hz", type=float, default=50.0)
     parser.add_argument("--record", default="")
+    parser.add_argument("--command-hz", type=float, default=0.0)
     chosen = parser.parse_args()
     match chosen.role:
         case "counter":
@@ -301,9 +334,10 @@ def main() -> None:
         case "echo":
             run_echo()
         case "daemon":
-            run_daemon(chosen.publish_hz, chosen.record)
+            run_daemon(chosen.publish_hz, chosen.record, chosen.command_hz)
         case _:
-            print(json.dumps({"round_trip": bench_round_trip(), "throughput": bench_throughput()}))
+            age, trip = bench_command_age(), bench_round_trip()
+            print(json.dumps({"command_age": age, "round_trip": trip, "throughput": bench_throughput()}))
 
 
 if __name__ == "__main__":

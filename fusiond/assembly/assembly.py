@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fusiond.assembly.adapting import method_of
 from fusiond.assembly.design import design_of, layout_of
 from fusiond.assembly.detection import Detection
+from fusiond.assembly.expected_cost import Expected, expected_costs
 from fusiond.assembly.jacobians import check_jacobians
 from fusiond.assembly.modules import require
 from fusiond.assembly.observability import require_observable
@@ -23,10 +24,12 @@ from fusiond.assembly.package import import_package, inject_file, source_of, ste
 from fusiond.assembly.plain import check_choices, plain_design, plain_sources
 from fusiond.assembly.protecting import protected, write_protection
 from fusiond.assembly.resolve import Resolved, by_key, resolve
-from fusiond.assembly.watching import judge_of, watched, write_tests
+from fusiond.assembly.watching import judge_of, obey, overseen, watched, write_tests
 from fusiond.config import Config, read
+from fusiond.control.plant import Plan
 from fusiond.engine.engine import Derive, Engine
 from fusiond.engine.layout import Layout
+from fusiond.engine.overseer import Overseer
 from fusiond.engine.plain.running import running
 from fusiond.errors import ConfigError, FusiondError
 from fusiond.numerics.kernel import interpreted
@@ -39,17 +42,29 @@ class Assembly:
 
     Args:
         layout: what its records mean.   design: (1,) design record.   detection: its tests, None without them.
+        overseer: of a plain step with fault detection, the compiled configuration that judges for it.
     """
 
     resolved: Resolved
     layout: Layout
     design: NDArray[np.void]
     detection: Detection | None = None
+    overseer: Assembly | None = None
 
     @property
     def config(self) -> Config:
         """The configuration it was made from."""
         return self.resolved.config
+
+    @property
+    def plan(self) -> Plan | None:
+        """What the control law was designed from; None where it was not."""
+        return self.resolved.law.plan if self.resolved.law else None
+
+    @cached_property
+    def expected_costs(self) -> list[Expected]:
+        """What control should cost with every set of working sensors."""
+        return expected_costs(self.resolved)
 
     @cached_property
     def package(self) -> ModuleType:
@@ -73,8 +88,9 @@ class Assembly:
     def engine(self) -> Engine:
         """A fresh engine, before its first reading."""
         run = running(self.package.run) if self.layout.plain else self.package.run
-        judge = judge_of(self.resolved, self.layout, self.detection, self.design)
-        return Engine(self.layout, self.design, self._desk(), run, self._derive(), judge)
+        judge = None if self.overseer else judge_of(self.resolved, self.layout, self.detection, self.design)
+        overseer = Overseer(self.overseer.engine()) if self.overseer else None
+        return Engine(self.layout, self.design, self._desk(), run, self._derive(), judge, overseer)
 
     def prepare(self) -> None:
         """Compile the step, or load it from the cache, before anybody waits for a reading."""
@@ -85,7 +101,9 @@ class Assembly:
     def _desk(self) -> NDArray[np.void]:
         """The first desk record: the configured reference."""
         desk = np.zeros(1, self.layout.desk)
-        section = self.config.control
+        section, law = self.config.control, self.resolved.law
+        if law is not None and not law.references:
+            desk[0]["has_reference"] = 1
         if section is not None and section.reference:
             values = by_key(section.reference, self.layout.references, "control.reference")
             desk[0]["reference"][:] = [values.get(slot.name, 0.0) for slot in self.layout.references]
@@ -148,8 +166,14 @@ def assemble(config: Config, folder: Path = Path()) -> Assembly:
     design = design_of(resolved, layout)
     write_tests(resolved, detection, design)
     write_protection(resolved, layout, design)
-    design = plain_design(resolved, layout, design) if layout.plain else design
-    return Assembly(resolved, layout, design, detection)
+    if not layout.plain:
+        return Assembly(resolved, layout, design, detection)
+    overseer = assemble(overseen(config), folder) if config.faults else None
+    if overseer is not None:
+        obey(design, overseer.design)
+        detection = overseer.detection
+    design = plain_design(resolved, layout, design)
+    return Assembly(resolved, layout, design, detection, overseer)
 
 
 def load(path: Path) -> Assembly:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.assembly.adapting import adapt_shape, bins_of, fill_noise
+from fusiond.assembly.controlling import feeding_sensor, fill_control, queue_room
 from fusiond.assembly.observability import bears_a_filter
 from fusiond.assembly.plain import LOCAL, is_plain
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
@@ -68,6 +69,9 @@ def shape_of(resolved: Resolved, filters: int) -> Shape:
         guarded=len(guarded_slots(resolved)),
         lazy=int(lags(resolved)),
         adapt=adapt_shape(resolved),
+        memory=law.memory if law else 0,
+        queue=queue_room(law.queue) if law and law.plan else 0,
+        feeds=int(feeding_sensor(resolved) >= 0),
     )
 
 
@@ -188,18 +192,6 @@ def _sensor(resolved: Resolved, number: int, record: np.record) -> None:
     record["silence_ns"][number] = _silence_ns(sensor)
 
 
-def _control(resolved: Resolved, record: np.record) -> None:
-    """The control law's tables; without control its period is never read."""
-    law, section = resolved.law, resolved.config.control
-    record["control_period_ns"] = NANOSECONDS
-    if law is None or section is None:
-        return
-    places = {slot.name: place for place, slot in enumerate(resolved.process.states)}
-    record["control_period_ns"] = nanoseconds(1.0 / section.rate_hz)
-    record["c"][: len(law.parameters)] = law.parameters
-    record["law_at"][: len(law.reads)] = [places[name] for name in law.reads]
-
-
 def design_of(resolved: Resolved, layout: Layout) -> NDArray[np.void]:
     """The (1,) design record."""
     design = np.zeros(1, design_dtype(layout.shape))
@@ -220,7 +212,7 @@ def design_of(resolved: Resolved, layout: Layout) -> NDArray[np.void]:
     record["quiet_ns"] = max(record["horizon_ns"], NANOSECONDS, patience_ns)
     record["dead_reckoning_ns"] = nanoseconds(config.health.dead_reckoning_s)
     record["invalid_ns"] = nanoseconds(config.health.invalid_s)
-    _control(resolved, record)
+    fill_control(resolved, record)
     fill_turning(resolved, record)
     fill_noise(resolved, record)
     record["covariance_ns"] = nanoseconds(1.0 / (config.filter.covariance_hz or 1.0))

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from fusiond.assembly.course import course_of, rate_hz
+from fusiond.assembly.moving import TESTS_EACH, MovingCell, moving_cells, moving_sensors
 from fusiond.assembly.resolve import Resolved, by_key
 from fusiond.engine.layout import Layout
 from fusiond.faults.course import Course, Curve, Signatures, Suspect, signatures
-from fusiond.faults.sizes import Ladder, ladder
+from fusiond.faults.sizes import LONGEST, Ladder, ladder
 from fusiond.faults.thresholds import (
     GATE_SHARE,
     Promise,
@@ -28,10 +29,12 @@ from fusiond.faults.thresholds import (
 from fusiond.numerics import scatter_cusum
 from fusiond.numerics.restart import Profile, threshold
 from fusiond.numerics.ud import Matrix, Vector
-from fusiond.types import Role
+from fusiond.types import Kind, Role
 
 Integers = NDArray[np.int64]
 
+COLUMNS = ("sensor", "channel", "is_input", "kind", "theta", "tolerance", "h", "age")
+"""What is known of each cell."""
 SENSOR_RATIO, POOLED_RATIO = 4.0, 1.5
 """Variance ratios tested for, sensor by sensor and all together; their inverses too."""
 
@@ -42,7 +45,8 @@ class Detection:
 
     Args:
         promise: what they were derived from.   tests: number of tests the promise is shared among, the merged once.
-        cell_sensor, cell_channel, cell_is_input: (c,) what a cell suspects; channel of the reading, or process input.
+        cell_sensor, cell_channel, cell_is_input: (c,) what a cell suspects; channel of the reading (-1: all of them),
+          or process input.   cell_kind: (c,) types.Kind, a bias, a scale or a delay.
         cell_theta: (c,) signed size, in the channel's or the input's unit.   cell_tolerance: error that is no fault.
           cell_h: (c,) limit of its llr.
         cell_age: (c,) readings of its sensor (any readings, for an input) after which its signature starts anew.
@@ -58,6 +62,7 @@ class Detection:
     cell_sensor: Integers
     cell_channel: Integers
     cell_is_input: NDArray[np.bool_]
+    cell_kind: Integers
     cell_theta: Vector
     cell_tolerance: Vector
     cell_h: Vector
@@ -123,12 +128,17 @@ def _distinct(curves: tuple[Curve, ...]) -> list[Curve]:
 
 
 def _cells(
-    found: Signatures, ladders: list[Ladder], promise: Promise, tests: float, together: Vector
+    found: Signatures,
+    ladders: list[Ladder],
+    promise: Promise,
+    tests: float,
+    together: Vector,
+    tolerated: list[float],
 ) -> dict[str, list[float]]:
     """Cells of every suspect, sizes ascending, each positive then negative."""
-    columns: dict[str, list[float]] = {name: [] for name in ("suspect", "theta", "h", "age")}
+    columns: dict[str, list[float]] = {name: [] for name in COLUMNS}
     known: dict[tuple[float, ...], float] = {}
-    for i, steps in enumerate(ladders):
+    for i, (suspect, steps) in enumerate(zip(found.suspects, ladders, strict=True)):
         curves = _distinct(found.curves[i])
         for size, age, share in zip(steps.sizes, steps.ages, steps.shares, strict=True):
             wanted = readings_between(promise, tests, curves[0].readings_per_s, share)
@@ -138,11 +148,23 @@ def _cells(
             if key not in known:
                 known[key] = threshold(profiles, float(size), wanted, promise.dead_band)
             for sign in (1.0, -1.0):
-                columns["suspect"].append(i)
-                columns["theta"].append(sign * size)
-                columns["h"].append(known[key])
-                columns["age"].append(round(age * together[i]))
+                values = (
+                    suspect.sensor, suspect.channel, suspect.is_input, Kind.BIAS, sign * size, tolerated[i],
+                    known[key], round(age * together[i]),
+                )  # fmt: skip
+                for name, value in zip(COLUMNS, values, strict=True):
+                    columns[name].append(value)
     return columns
+
+
+def _with_moving(columns: dict[str, list[float]], cells: list[MovingCell]) -> dict[str, NDArray[np.float64]]:
+    """The columns of all cells, sorted by sensor."""
+    for cell in cells:
+        values = (cell.sensor, -1, False, cell.kind, cell.theta, 0.0, cell.h, LONGEST)
+        for name, value in zip(COLUMNS, values, strict=True):
+            columns[name].append(value)
+    order = np.argsort(columns["sensor"], kind="stable")
+    return {name: np.array(values, dtype=np.float64)[order] for name, values in columns.items()}
 
 
 def _scatter(resolved: Resolved, promise: Promise, tests: float) -> tuple[Matrix, Matrix, Vector]:
@@ -199,7 +221,8 @@ def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detect
         ladder(curves[0], readings_between(promise, guess, curves[0].readings_per_s), blind)
         for curves, blind in zip(found.curves, tolerated, strict=True)
     ]
-    tests = count_tests(found, ladders, updating)
+    moving = moving_sensors(resolved, dict(zip(suspects, tolerated, strict=True)))
+    tests = count_tests(found, ladders, updating) + TESTS_EACH * len(moving)
     rates = np.array([rate_hz(resolved, resolved.sensors[suspect.sensor]) for suspect in suspects])
     total_rate = sum(rate_hz(resolved, sensor) for sensor in resolved.updating)
     together = np.array(
@@ -208,9 +231,11 @@ def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detect
             for i, (suspect, rate) in enumerate(zip(suspects, rates, strict=True))
         ]
     )
-    columns = _cells(found, ladders, promise, tests, np.maximum(together, 1.0))
-    who = np.array(columns["suspect"], dtype=np.int64)
-    sensor = np.array([suspects[i].sensor for i in who], dtype=np.int64)
+    columns = _with_moving(
+        _cells(found, ladders, promise, tests, np.maximum(together, 1.0), tolerated),
+        moving_cells(resolved, course, moving, promise, tests),
+    )
+    sensor = columns["sensor"].astype(np.int64)
     s = len(layout.sensors)
     variance, white, pooled = _scatter(resolved, promise, tests)
     dof = np.array([one.model.dof for one in resolved.sensors])
@@ -219,12 +244,13 @@ def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detect
         promise=promise,
         tests=tests,
         cell_sensor=sensor,
-        cell_channel=np.array([suspects[i].channel for i in who], dtype=np.int64),
-        cell_is_input=np.array([suspects[i].is_input for i in who], dtype=bool),
-        cell_theta=np.array(columns["theta"]),
-        cell_tolerance=np.array([tolerated[i] for i in who], dtype=np.float64),
-        cell_h=np.array(columns["h"]),
-        cell_age=np.array(columns["age"], dtype=np.int64),
+        cell_channel=columns["channel"].astype(np.int64),
+        cell_is_input=columns["is_input"].astype(bool),
+        cell_kind=columns["kind"].astype(np.int64),
+        cell_theta=columns["theta"],
+        cell_tolerance=columns["tolerance"],
+        cell_h=columns["h"],
+        cell_age=columns["age"].astype(np.int64),
         first=np.searchsorted(sensor, np.arange(s), "left"),
         last=np.searchsorted(sensor, np.arange(s), "right"),
         variance_h=variance,

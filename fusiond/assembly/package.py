@@ -31,12 +31,12 @@ SWAPPED = (
     "process.py", "observe.py", "law.py", "sizes.py", "advance.py", "advance_nonlinear.py", "inject.py",
     "inject_manifold.py", "inject_turning.py", "monitor_on.py", "protect.py", "protect_on.py", "guard.py",
     "guard_on.py", "pending.py", "pending_on.py", "adapt.py", "adapt_on.py",
-    "levels.py", "levels_on.py", "method.py",
+    "levels.py", "levels_on.py", "method.py", "steer.py", "steer_on.py", "feed.py", "feed_on.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
 STEADY = 20
 """Healthy silences for which a sensor must speak, without another, before it is silent no longer."""
-WATCHING = ("signatures.py", "spread_tests.py")
+WATCHING = ("decided.py", "signatures.py", "spread_tests.py")
 """Files of the template that only a configuration with fault detection needs."""
 ROOMS = ("numerics", "models", "filters", "fusion", "faults", "adapt", "control")
 """Where the kernels live that a step calls."""
@@ -79,6 +79,7 @@ def sizes_source(shape: records.Shape) -> str:
     """The sizes of the records as constants."""
     constants = {
         "STATES": shape.states, "ERRORS": shape.errors, "INPUTS": shape.inputs, "NOISES": shape.noises,
+        "FEEDS": shape.feeds,
         "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
         "STEADY": STEADY if shape.cells else 0, "CELLS": shape.cells, "WINDOW": shape.window,
         "PROTECTED": shape.protected, "GUARDED": shape.guarded, "ADAPTS": int(shape.adapt is not None),
@@ -128,6 +129,8 @@ def step_sources(
     files["pending.py"] = template["pending_on.py" if shape.lazy else "pending.py"]
     files["guard.py"] = template["guard_on.py" if shape.guarded > 0 else "guard.py"]
     files |= noise_sources(shape, template, method)
+    files["steer.py"] = template["steer.py" if law is None else "steer_on.py"]
+    files["feed.py"] = template["feed_on.py" if shape.feeds else "feed.py"]
     if shape.cells > 0:
         files["monitor.py"] = template["monitor_on.py"]
     else:

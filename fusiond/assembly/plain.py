@@ -157,6 +157,7 @@ def plain_sources(config: Config, files: Mapping[str, str], *, linear: bool) -> 
     behind = {f"step_{name}": files[name] for name in files if name in chosen and name != "advance.py"}
     if linear:
         behind["step_advance.py"] = template["advance.py"]
+    files = {**files, "decided.py": template["decided.py"]}
     told = {"RECURSION": config.filter.recursion, "TOPOLOGY": topology, "POLICY": policy_of(config)}
     chosen["choices.py"] = "".join(f"{name} = {value!r}\n" for name, value in told.items())
     del beside["__init__.py"]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.assembly.modules import described, require, user_module
+from fusiond.assembly.motion import setting_of
 from fusiond.config import Config, InputSection, SensorSection, nearest, parameters
 from fusiond.control.catalogue import LAWS
 from fusiond.control.contract import Law
@@ -128,15 +129,21 @@ def _update(name: str, section: SensorSection, process: Process, folder: Path) -
     return ResolvedSensor(name, Role.UPDATE, model, module, section, R)
 
 
-def _controller_sensors(law: Law | None, taken: Mapping[str, Any]) -> list[ResolvedSensor]:
-    """`applied` and `reference`, where there is a controller and no sensor of that name."""
+def _controller_sensors(law: Law | None, process: Process, taken: Mapping[str, Any]) -> list[ResolvedSensor]:
+    """`applied` and `reference`, where there is a controller and no sensor of that name.
+
+    Where the command drives the prediction, `applied` is an input, and known exactly.
+    """
     if law is None:
         return []
-    both = (("applied", Role.APPLIED, law.controls), ("reference", Role.REFERENCE, law.references))
+    numbers = {slot.name: number for number, slot in enumerate(process.inputs)}
+    drives = tuple(numbers[slot.name] for slot in law.controls) if law.drives else ()
+    applied = Role.INPUT if law.drives else Role.APPLIED
+    both = (("applied", applied, law.controls, drives), ("reference", Role.REFERENCE, law.references, ()))
     return [
-        ResolvedSensor(name, role, Sensor(slots, ()), None, None, np.zeros((len(slots), len(slots))))
-        for name, role, slots in both
-        if name not in taken
+        ResolvedSensor(name, role, Sensor(slots, ()), None, None, np.zeros((len(slots), len(slots))), moved)
+        for name, role, slots, moved in both
+        if name not in taken and slots
     ]
 
 
@@ -178,9 +185,10 @@ def resolve(config: Config, folder: Path) -> Resolved:
     if config.control is not None:
         chosen: Any = config.control
         law_module = LAWS[chosen.law]
-        law = described(law_module, (process,), parameters(chosen, "control"), "control")
+        setting = setting_of(process, module, config.control.rate_hz)
+        law = described(law_module, (process, setting), parameters(chosen, "control"), "control")
         by_key(config.control.reference, law.references, "control.reference")
-    sensors = _controller_sensors(law, config.sensor)
+    sensors = _controller_sensors(law, process, config.sensor)
     for name, section in config.sensor.items():
         if isinstance(section, InputSection):
             sensors.append(_input(name, section, process))

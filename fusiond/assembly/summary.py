@@ -9,10 +9,11 @@ from fusiond.assembly.adapting import adaptation_of
 from fusiond.assembly.assembly import Assembly
 from fusiond.assembly.detection import Detection, detection_of
 from fusiond.assembly.diagnosis import diagnosis_of
+from fusiond.assembly.loop_summary import margins_of
 from fusiond.assembly.observability import observability, without_each
 from fusiond.assembly.watching import promise_of
 from fusiond.config import FaultsSection
-from fusiond.types import NANOSECONDS, Role
+from fusiond.types import NANOSECONDS, Kind, Role
 
 
 def _sensor(assembly: Assembly, number: int) -> dict[str, Any]:
@@ -37,6 +38,7 @@ def _thresholds(assembly: Assembly, detection: Detection) -> dict[str, Any]:
         {
             "sensor": names[int(detection.cell_sensor[c])],
             "channel": int(detection.cell_channel[c]),
+            "kind": Kind(int(detection.cell_kind[c])).label,
             "size": float(detection.cell_theta[c]),
             "log_likelihood": float(detection.cell_h[c]),
             "readings": int(detection.cell_age[c]),
@@ -56,7 +58,7 @@ def summary(assembly: Assembly) -> dict[str, Any]:
     """States, sensors, observability and record sizes, ready for JSON.
 
     Without a section [faults], `diagnosability` is what its defaults would give, and `thresholds` is empty: nothing is
-    tested. Both are empty where the step is not compiled. `margins` stays empty without a law that has any.
+    tested. Both are empty where the step is not compiled. `margins` is empty without a law that was designed.
     """
     resolved, layout = assembly.resolved, assembly.layout
     detection = assembly.detection or (
@@ -77,7 +79,7 @@ def summary(assembly: Assembly) -> dict[str, Any]:
         "diagnosability": diagnosis_of(resolved, detection) if detection else [],
         "thresholds": _thresholds(assembly, assembly.detection) if assembly.detection else {},
         "adaptation": adaptation_of(resolved),
-        "margins": {},
+        "margins": margins_of(resolved),
         "filters": [f"{row.hears} {row.sensor}".strip() for row in layout.filters],
         "bytes": {"track": layout.track.itemsize, "report": layout.report.itemsize},
         "reordered_within_s": resolved.config.history.horizon_s,

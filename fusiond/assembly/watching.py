@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,16 +12,21 @@ from fusiond.assembly.course import rate_hz
 from fusiond.assembly.detection import Detection, detection_of, suspects_of, tolerance_of
 from fusiond.assembly.observability import observability
 from fusiond.assembly.resolve import Resolved, by_key
-from fusiond.config import FaultsSection, InputSection
+from fusiond.config import Config, FaultsSection, FilterSection, FusionSection, InputSection
 from fusiond.engine.judge import Judge
 from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
+from fusiond.faults.diagnosability import TOLD_APART, shares_left
 from fusiond.faults.hypotheses import catalogue
+from fusiond.faults.isolation import Twins
 from fusiond.faults.thresholds import ROBUST, SHARP, Promise
 from fusiond.types import Role, nanoseconds
 
 SILENT_PERIODS = 2.5
 """Periods without a reading after which a regular stream is silent; an irregular one is given what it needs."""
+SLOWEST, WINDOW_S, MOST = 64, 5.0, 2048
+"""The window holds so many readings of its slowest sensor, and of all sensors what they say in so many seconds: a scale,
+a delay, an error of a rate show only as the machine moves. At most so many readings in all."""
 USUAL_S = 5.0
 """Over how long the usual value of an input is taken."""
 PROFILES = {"sharp": SHARP, "robust": ROBUST}
@@ -32,19 +38,44 @@ def promise_of(section: FaultsSection) -> Promise:
     return Promise(section.mean_time_between_false_alarms_s, dead_band, studentise)
 
 
+def window_of(resolved: Resolved, least: int) -> int:
+    """Readings the window holds: of the slowest sensor SLOWEST of them, and all that happens in WINDOW_S."""
+    rates = [rate_hz(resolved, sensor) for sensor in resolved.updating]
+    seconds = max(SLOWEST / min(rates), WINDOW_S)
+    return max(least, min(math.ceil(seconds * sum(rates)), MOST))
+
+
 def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | None]:
-    """The layout with room for the monitors, and every test's numbers; None where no detection is asked for."""
+    """The layout with room for the monitors, and every test's numbers; None where no detection is asked for.
+
+    A plain step has no monitors of its own: it is overseen (`overseen`).
+    """
     section = resolved.config.faults
     if section is None:
         return layout, None
     if layout.plain:
-        raise ConfigError(
-            "faults: are found by the compiled step alone; leave filter.recursion and fusion.topology at their "
-            "defaults, or take the section out"
-        )
+        return layout, None
     detection = detection_of(resolved, layout, promise_of(section))
-    shape = replace(layout.shape, cells=detection.cells, window=section.window)
+    shape = replace(layout.shape, cells=detection.cells, window=window_of(resolved, section.window))
     return replace(layout, shape=shape), detection
+
+
+def overseen(config: Config) -> Config:
+    """The configuration whose compiled engine judges for this one, which has a plain step; raises ConfigError."""
+    for name, sensor in config.sensor.items():
+        if isinstance(sensor, InputSection) and sensor.without_input_std:
+            raise ConfigError(
+                f"sensor.{name}.without_input_std: only the compiled step can do without an input; take it out, or "
+                "leave filter.recursion and fusion.topology at their defaults"
+            )
+    bank = FilterSection(accept_unobservable=config.filter.accept_unobservable)
+    return config.model_copy(update={"filter": bank, "fusion": FusionSection()})
+
+
+def obey(design: NDArray[np.void], overseer: NDArray[np.void]) -> None:
+    """Write into a plain step's design what it tests itself: the gate, and how long a sensor may be silent."""
+    design[0]["tests"]["gate"] = overseer[0]["tests"]["gate"]
+    design[0]["silence_ns"] = overseer[0]["silence_ns"]
 
 
 def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray[np.void]) -> None:
@@ -73,6 +104,7 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
     tests["theta"][:cells], tests["limit"][:cells] = detection.cell_theta, detection.cell_h
     tests["tolerance"][:cells] = detection.cell_tolerance
     tests["channel"][:cells], tests["age"][:cells] = detection.cell_channel, detection.cell_age
+    tests["kind"][:cells] = detection.cell_kind
     tests["first"], tests["last"] = detection.first, detection.last
     tests["is_input"] = [sensor.role is Role.INPUT for sensor in resolved.sensors]
     tests["gate"] = detection.gate
@@ -84,6 +116,8 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
     tests["usual_share"] = [
         min(1.0, 1.0 / (USUAL_S * rate_hz(resolved, sensor))) for sensor in resolved.sensors
     ]
+    if record["stands_for"] >= 0:
+        tests["usual_share"][record["stands_for"]] = 0.0  # the command says what it would be, not its past
     tests["dead_band"], tests["studentise"] = detection.dead_band, detection.studentise
 
 
@@ -94,6 +128,19 @@ def groups_of(resolved: Resolved) -> list[list[int]]:
         if sensor.role is Role.UPDATE and sensor.section is not None and sensor.section.group:
             named.setdefault(sensor.section.group, []).append(number)
     return [members for members in named.values() if len(members) > 1]
+
+
+def twins_of(detection: Detection) -> Twins:
+    """Pairs of updating sensors of which the diagnosability matrix calls a bias of one ambiguous with the other."""
+    found = detection.signatures
+    own = {suspect.sensor for suspect in found.suspects if not suspect.is_input}
+    return frozenset(
+        frozenset((suspect.sensor, other))
+        for i, suspect in enumerate(found.suspects)
+        if suspect.sensor in own
+        for other, share in shares_left(found, i).items()
+        if other in own and share < TOLD_APART
+    )
 
 
 def judge_of(
@@ -120,6 +167,7 @@ def judge_of(
             [np.pad(np.sqrt(np.diagonal(s.R)), (0, layout.shape.payload - len(s.R))) for s in sensors]
         ),
         tolerance={suspect: tolerance_of(resolved, suspect) for suspect in suspects_of(resolved)},
+        twins=twins_of(detection),
         policy=tuple(getattr(sensor.section, "policy", "auto") for sensor in sensors),
         silence_ns=np.array(design[0]["silence_ns"]),
         replaceable=tuple(bool(getattr(sensor.section, "without_input_std", None)) for sensor in sensors),

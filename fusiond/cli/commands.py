@@ -117,6 +117,7 @@ def check(
     from fusiond.assembly.summary import summary
     from fusiond.cli.configuring import load
     from fusiond.cli.diagnosability_view import show_diagnosability
+    from fusiond.cli.loop_view import show_loop
     from fusiond.cli.views import console, show_adaptation, show_check
 
     assembly = load(config, part)
@@ -133,6 +134,7 @@ def check(
         for path in result.get("plots", ()):
             console.print(f"drawn: {path}")
         show_diagnosability(result, console)
+        show_loop(result, console)
 
 
 @app.command()

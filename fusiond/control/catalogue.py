@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from fusiond.control import pd
+from fusiond.control import lqg, lqg_integral, lqr, pd
 
-LAWS: dict[str, ModuleType] = {"pd": pd}
+LAWS: dict[str, ModuleType] = {"pd": pd, "lqr": lqr, "lqg": lqg, "lqg_integral": lqg_integral}

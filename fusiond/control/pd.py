@@ -7,7 +7,9 @@ The feedforward is m g for a rotorcraft. The seed gives no value for the limit (
 
 from __future__ import annotations
 
-from fusiond.control.contract import Law
+from typing import Any
+
+from fusiond.control.contract import Law, Setting
 from fusiond.models.contract import Process
 from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import Vector
@@ -16,6 +18,7 @@ from fusiond.types import Slot
 
 def describe(
     process: Process,
+    setting: Setting,
     *,
     proportional_gain_n_m: float,
     derivative_gain_n_s_m: float,
@@ -37,7 +40,13 @@ def describe(
 
 
 @kernel
-def command(x: Vector, reference: Vector, at: Vector, c: Vector, u: Vector) -> None:
+def command(x: Vector, desk: Any, at: Vector, c: Vector, u: Vector) -> None:
     """Write the force, N."""
-    correction = c[0] * (reference[0] - x[at[0]]) - c[1] * x[at[1]]
+    correction = c[0] * (desk.reference[0] - x[at[0]]) - c[1] * x[at[1]]
     u[0] = c[3] + min(max(correction, -c[2]), c[2])
+
+
+@kernel
+def cost(x: Vector, desk: Any, at: Vector, c: Vector) -> float:
+    """Nothing says what this law should cost."""
+    return 0.0

@@ -11,7 +11,9 @@ from fusiond.simulation.faults import parse_faults
 from fusiond.simulation.faults_injection import Injection
 from fusiond.simulation.rig import PointRig, birotor, minicar
 
-PLANTS: dict[str, Callable[[int], PointRig]] = {"birotor": birotor, "minicar": minicar}
+PLANTS: dict[str, Callable[[int], PointRig]] = {
+    "birotor": birotor, "birotor_lqg": birotor, "minicar": minicar, "minicar_lqg": minicar,
+}  # fmt: skip
 TRUTH = ("position", "velocity", "acceleration_bias")
 """What is known of a plant at any time, named after the states of its configuration."""
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fusiond.engine.direct import Run, direct
 from fusiond.engine.judge import Judge
 from fusiond.engine.layout import Layout
+from fusiond.engine.overseer import Overseer
 from fusiond.engine.records import JUDGED, TO_JUDGE, TO_REPLAY, work_dtype
 from fusiond.engine.step.sizes import SNAPSHOT_EVERY
 from fusiond.errors import EngineFault
@@ -30,7 +31,7 @@ class Engine:
     Args:
         layout: what the records mean.   design: (1,) design record.   desk: (1,) desk record to start from.
         run: the compiled entry.   derive: writes the derived outputs of a state, None where there are none.
-        judge: decides about alarms, None without fault detection.
+        judge: decides about alarms, None without fault detection.   overseer: judges for a plain step.
     """
 
     def __init__(
@@ -41,13 +42,14 @@ class Engine:
         run: Run,
         derive: Derive | None,
         judge: Judge | None = None,
+        overseer: Overseer | None = None,
     ) -> None:
         self.layout = layout
         self.track: Records = np.zeros(1, layout.track)
         self.desk: Records = desk.copy()
         self._design, self._run, self._derive = design, run, derive
         self._is_direct = False
-        self._judge = judge
+        self._judge, self._overseer = judge, overseer
         self._reading = layout.reading
         self._first_desk = desk.copy()
         self._work = np.zeros(1, work_dtype(layout.shape))
@@ -68,7 +70,9 @@ class Engine:
         """Forget everything: the state before the first reading."""
         self.track[:] = np.zeros(1, self.layout.track)
         self.desk[:] = self._first_desk
-        self._allocate((MEMORY if self._judge else 64) * SNAPSHOT_EVERY)
+        if self._overseer is not None:
+            self._overseer.reset()
+        self._allocate((MEMORY if self._judge or self._overseer else 64) * SNAPSHOT_EVERY)
 
     def process(self, readings: Records, *, covariances: bool = False) -> Records:
         """Run readings through the step, in the order they arrived.
@@ -87,6 +91,17 @@ class Engine:
             reports, into = self._report, self._nobody_asks
         else:
             reports, into = self._room(count, covariances)
+        if self._overseer is None:
+            self._take(readings, reports, into)
+            return reports
+        for k in range(count):
+            self._overseer.lead(self, readings[k : k + 1])
+            self._take(readings[k : k + 1], reports[k : k + 1], into[k : k + 1])
+        return reports
+
+    def _take(self, readings: Records, reports: Records, into: NDArray[np.float64]) -> None:
+        """Have the step take all of the readings, growing the history and judging alarms where it stops for that."""
+        count = readings.shape[0]
         done = self._step(readings, reports, into)
         while done < count:
             if self.desk[0]["pause"] == TO_JUDGE:
@@ -94,7 +109,6 @@ class Engine:
             else:
                 self._grow()
             done += self._step(readings[done:], reports[done:], into[done:])
-        return reports
 
     def _judge_alarm(self) -> None:
         """Let the judge decide about the alarm in the track, and have its reading's report finished."""

@@ -35,8 +35,9 @@ from fusiond.engine.reactions import LASTING, Reactions
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
+from fusiond.faults.ground import burst_of
 from fusiond.faults.hypotheses import Hypothesis
-from fusiond.faults.isolation import Finding, Outcome, isolate
+from fusiond.faults.isolation import Finding, Outcome, Twins, isolate
 from fusiond.faults.response import respond
 from fusiond.faults.tolerated import tolerate
 from fusiond.types import NANOSECONDS, Alarm, Health, Kind, Role
@@ -46,12 +47,16 @@ if TYPE_CHECKING:
 
 PATIENCE = 0.25
 """A case left open is reviewed when its readings have grown by this share."""
+STEPS, LEAST = 128, 16
+"""A window is worth looking at again after this part of it, a set that nothing tells apart after so many of those."""
 PROBATION_S = 1.0
 """Shortest probation of a sensor; doubled with every relapse."""
 RETRY_S = 5.0
 """Shortest time before an excluded input is tried again, and before it is believed; doubled likewise."""
 RELAPSES = 6
 """Relapses after which waiting grows no longer."""
+SINGLE = 2
+"""Odd readings of an input that are a spike, which changes no flag; more are a fault."""
 SURE = 3.0
 """Standard deviations within which a remaining error is none."""
 BEYOND = 2.0
@@ -68,6 +73,7 @@ class Judge:
         hypotheses: all explanations tried.   enough: whether every state is still seen without these sensors.
         noise_std: (s, m) declared deviations.   tolerance: of each suspect, a bias that is no fault.
         policy: of each sensor, auto, exclude or compensate.
+        twins: pairs of updating sensors that the diagnosability matrix calls ambiguous.
         replaceable: whether an input has something to fall back on.   silence_ns: (s,) longest healthy silence, 0: any.
     """
 
@@ -76,9 +82,15 @@ class Judge:
     enough: Callable[[frozenset[int]], bool]
     noise_std: NDArray[np.float64]
     tolerance: dict[Suspect, float]
+    twins: Twins
     policy: tuple[str, ...]
     replaceable: tuple[bool, ...]
     silence_ns: NDArray[np.int64]
+
+    @property
+    def _step(self) -> int:
+        """Readings that bring something new to a window."""
+        return max(1, self.layout.shape.window // STEPS)
 
     def consider(self, engine: Engine) -> None:
         """Decide about the alarm raised by the reading just applied, and about those that its decision raises."""
@@ -116,7 +128,7 @@ class Judge:
         if finding.fit is not None and finding.fit.kind is not Kind.NOISE:
             reactions.freeze(finding.sensors)
         if undecided and age <= self.layout.shape.window // 2:
-            desk["review_at"] = entries + max(1, int(PATIENCE * age))
+            desk["review_at"] = entries + max(self._step, int(PATIENCE * age))
             if age > 0:
                 reactions.suspect(finding.sensors)
         elif finding.outcome is Outcome.MODEL:
@@ -125,7 +137,7 @@ class Judge:
         elif finding.outcome is Outcome.AMBIGUOUS or (undecided and len(finding.sensors) > 1):
             reactions.cover(finding)
             reactions.recall_noise(finding.sensors, finding.fit.onset if finding.fit else 0)
-            desk["review_at"] = entries + self.layout.shape.window
+            desk["review_at"] = entries + max(LEAST * self._step, int(PATIENCE * age))
         else:
             reactions.close()
             if finding.outcome in (Outcome.ONE, Outcome.GROUP):
@@ -144,7 +156,8 @@ class Judge:
 
     def _noisy(self, reactions: Reactions, fit: Fit) -> bool:
         """Whether a change of noise is a fault: more than tolerated, or the end of one."""
-        if set(fit.place) & self._restless(reactions):
+        known = self._restless(reactions)
+        if any(reactions.reaction["noise_excess"][one] > 0.0 or one in known for one in fit.place):
             return True
         excess = math.sqrt(max(float(fit.size[0]) ** 2 - 1.0, 0.0))
         members = [suspect for part in fit.hypothesis.parts for suspect in part]
@@ -155,11 +168,14 @@ class Judge:
         )
 
     def _restless(self, reactions: Reactions) -> frozenset[int]:
-        """Sensors that are taken for noisier than declared, whose noise may become less."""
-        known = reactions.reaction["noise_excess"] > 0.0
-        if reactions.adapts:
-            known = known | (reactions.reaction["kind"] == Kind.NOISE)
-        return frozenset(int(k) for k in np.flatnonzero(known))
+        """Sensors that are taken for noisier than declared, whose noise may become less.
+
+        A set that is covered is not thought noisy, so that less noise is no news of it.
+        """
+        noisy = reactions.reaction["kind"] == Kind.NOISE
+        if not reactions.adapts:
+            noisy = noisy & (reactions.reaction["noise_excess"] > 0.0)
+        return frozenset(int(k) for k in np.flatnonzero(noisy))
 
     def _finding(self, reactions: Reactions) -> Finding:
         """What isolation says about the window now; who is out or silent has nothing to plead."""
@@ -169,7 +185,7 @@ class Judge:
         out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
         seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
-        return isolate(seen, asked, restless=self._restless(reactions))
+        return isolate(seen, asked, restless=self._restless(reactions), twins=self.twins)
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""
@@ -185,6 +201,7 @@ class Judge:
         fit, kind = finding.choice.fit or finding.fit, finding.choice.kind
         assert fit is not None
         if kind is Kind.SPIKE:
+            self._burst(reactions, fit)
             return
         if kind is Kind.NOISE:
             self._weigh_down(reactions, fit)
@@ -199,6 +216,21 @@ class Judge:
             else:
                 reactions.name(sensor, fit, kind, Health.FAULTY)
                 reactions.take_off(sensor, fit, kind)
+        reactions.replay()
+
+    def _burst(self, reactions: Reactions, fit: Fit) -> None:
+        """A spike of a sensor has been gated; one of an input is taken out, and a long one tells of its sensor."""
+        if not fit.ground.is_input:
+            return
+        (sensor,) = fit.place
+        number = fit.hypothesis.parts[0][0].channel
+        entries = fit.ground.entries[burst_of(fit.ground, fit.hypothesis) == fit.number]
+        readings = int(np.sum(fit.ground.response.odd_count[entries, number]))
+        if (readings > SINGLE or len(entries) > 1) and self._excludable(reactions, sensor, fit.place):
+            reactions.name(sensor, fit, Kind.SPIKE, Health.EXCLUDED)
+            self._send_out(reactions, sensor, fit)
+        else:
+            reactions.leave_out(sensor, fit.onset, int(entries[-1]))
         reactions.replay()
 
     def _send_out(self, reactions: Reactions, sensor: int, fit: Fit) -> None:
@@ -222,19 +254,21 @@ class Judge:
 
     def _retry_ns(self, reactions: Reactions, sensor: int) -> int:
         """How long an excluded input waits: it cannot show that an error has gone, but that it sends numbers again."""
-        unusable = reactions.reaction["kind"][sensor] in (Kind.STUCK, Kind.GARBAGE)
+        unusable = reactions.reaction["kind"][sensor] in (Kind.STUCK, Kind.GARBAGE, Kind.SPIKE)
         return self._wait_ns(reactions, sensor, PROBATION_S if unusable else RETRY_S)
 
     def _revise(self, reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> None:
         """A sensor used with its error taken off errs anew: it has healed, or the error is another one."""
         left, std = reactions.left_over(sensor, fit, kind)
-        slack = 0.0 if kind is Kind.SCALE else reactions.noise(sensor)
+        slack = 0.0 if kind in (Kind.SCALE, Kind.DELAY) else reactions.noise(sensor)
         if kind in LASTING and abs(left) < SURE * std + slack:
             reactions.end_correction(sensor, fit)
             reactions.clear(sensor)
         else:
             reactions.take_off(sensor, fit, kind)
             reactions.name(sensor, fit, kind, Health.FAULTY)
+            if kind in LASTING:
+                reactions.write("size", reactions.total(sensor, kind), sensor)
 
     def _weigh_down(self, reactions: Reactions, fit: Fit) -> None:
         """The sensor is noisier, or quieter again, than was thought: use the noise it has.

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.faults.course import Suspect
+from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
 from fusiond.faults.identification import identify
 from fusiond.faults.isolation import Finding
@@ -28,11 +29,11 @@ from fusiond.types import Alarm, Health, Kind, Role
 if TYPE_CHECKING:
     from fusiond.engine.engine import Engine
 
-SETTLED = 50
-"""Entries before the onset from which leave-one-out filters are made anew after an exclusion."""
-LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE)
+SETTLED = 0.4
+"""Share of the window, before the onset, from which leave-one-out filters are made anew after an exclusion."""
+LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE, Kind.DELAY)
 """Errors that can be taken off a reading."""
-CORRECTIONS = {Kind.BIAS: "offset", Kind.DRIFT: "drift", Kind.SCALE: "gain_error"}
+CORRECTIONS = {Kind.BIAS: "offset", Kind.DRIFT: "drift", Kind.SCALE: "gain_error", Kind.DELAY: "lag"}
 OWN = ("x", "U", "d", "filter_t_ns")
 """Fields of the track that belong to one filter."""
 
@@ -85,7 +86,8 @@ class Reactions:
 
     def since(self, onset: int, *, settled: bool = False) -> None:
         """Have the readings since an entry replayed, or since some entries before it."""
-        first = max(0, min(onset, len(self.window) - 1) - SETTLED) if settled else onset
+        before = int(SETTLED * self._layout.shape.window)
+        first = max(0, min(onset, len(self.window) - 1) - before) if settled else onset
         t_ns = self.onset_ns(first)
         self._since_ns = t_ns if self._since_ns is None else min(t_ns, self._since_ns)
 
@@ -188,25 +190,23 @@ class Reactions:
         return [channel.name for channel in self._layout.sensors[suspect.sensor].channels].index(slot)
 
     def cover(self, finding: Finding) -> None:
-        """Weigh every updating member of an ambiguous set down so far that it covers the error it may have."""
-        fit = finding.fit
-        assert fit is not None
+        """Say of every member of an ambiguous set what it would be, and weigh it down so far as to cover that error."""
         mask = sum(1 << sensor for sensor in finding.sensors)
-        size, std = float(np.max(np.abs(fit.size))), float(np.sqrt(np.max(np.diagonal(fit.covariance))))
-        for sensor in finding.sensors:
-            self._say(
-                sensor,
-                Health.SUSPECT,
-                finding.choice.kind or fit.kind,
-                -1,
-                size,
-                std,
-                self.onset_ns(fit.onset),
-            )
-            self.write("suspects", mask & ~(1 << sensor), sensor)
-            noise = self.noise(sensor)
-            if self._layout.sensors[sensor].role is Role.UPDATE and fit.kind is Kind.BIAS and noise > 0.0:
-                self.write("noise_excess", min((size / noise) ** 2, 1e6), sensor)
+        for fit in finding.standing:
+            for sensor in fit.place:
+                self.name(sensor, fit, fit.kind, Health.SUSPECT)
+                self.write("suspects", mask & ~(1 << sensor), sensor)
+                if self._layout.sensors[sensor].role is Role.UPDATE and fit.kind in LASTING:
+                    self.write("noise_excess", self._covering(sensor, fit), sensor)
+
+    def _covering(self, sensor: int, fit: Fit) -> float:
+        """Factor less one by which the sensor's noise variance must grow to cover its error, where that is largest."""
+        shares = [
+            error / self._noise_std[sensor, one.channel]
+            for one, error in worst_error(fit).items()
+            if one.sensor == sensor and self._noise_std[sensor, one.channel] > 0.0
+        ]
+        return float(min(max(shares, default=0.0) ** 2, 1e6))
 
     def exclude(self, sensor: int, onset: int, shadow_size: NDArray[np.float64]) -> None:
         """Stop using the sensor."""
@@ -215,14 +215,27 @@ class Reactions:
         others = [k for k, row in enumerate(rows) if row.hears != "only" and k not in clean]
         self.write("excluded", 1, sensor)
         self.write("until_ns", 0, sensor)
-        self.write("out_from_ns", 0 if clean else self.onset_ns(onset), sensor)
+        self.write("out_from_ns", 0 if clean else self._spoilt_from_ns(sensor, onset), sensor)
         self.write("shadow_size", shadow_size, sensor)
         self.write("noise_excess", 0.0, sensor)
         if clean:
             for records in self.engine.histories:
                 for field in OWN:
                     records[field][:, others] = records[field][:, clean]
-        self.since(onset, settled=bool(clean))
+        self.since(onset if clean else max(0, onset - 1), settled=bool(clean))
+
+    def _spoilt_from_ns(self, sensor: int, onset: int) -> int:
+        """First stamp of a fault that shows from an entry on: an input spoils the interval before it."""
+        if self._layout.sensors[sensor].role is Role.INPUT and onset > 0:
+            return self.onset_ns(onset - 1) + 1
+        return self.onset_ns(onset)
+
+    def leave_out(self, sensor: int, onset: int, last: int) -> None:
+        """Do without an input in the intervals before these entries alone."""
+        self.write("excluded", 1, sensor)
+        self.write("out_from_ns", self._spoilt_from_ns(sensor, onset), sensor)
+        self.write("until_ns", self.onset_ns(last) + 1, sensor)
+        self.since(max(0, onset - 1))
 
     def half_size(self, sensor: int, fit: Fit) -> NDArray[np.float64]:
         """(m,) half a bias, by raw channel, but no less than one deviation of the noise; else two of them."""
@@ -288,7 +301,7 @@ class Reactions:
     def left_over(self, sensor: int, fit: Fit, kind: Kind) -> tuple[float, float]:
         """The error that would remain if the fit's were added to the one taken off, and its deviation.
 
-        A scale is judged as a factor, all else in the channel's unit at the fit's onset.
+        A scale is judged as a factor, a delay in s, all else in the channel's unit at the fit's onset.
         """
         at = next(
             k for k, part in enumerate(fit.hypothesis.parts) if any(one.sensor == sensor for one in part)
@@ -299,6 +312,9 @@ class Reactions:
         if kind is Kind.SCALE:
             gain = (1.0 + float(self.reaction["gain_error"][sensor, 1, channel])) * (1.0 + size) - 1.0
             return gain, float(np.hypot(known, np.sqrt(variance)))
+        if kind is Kind.DELAY:
+            lag = float(self.reaction["lag"][sensor, 1, channel]) + size
+            return lag, float(np.hypot(known, np.sqrt(variance)))
         since_s = (self.onset_ns(fit.onset) - int(self.reaction["from_ns"][sensor, 1])) * 1e-9
         taken = float(self.reaction["offset"][sensor, 1, channel])
         taken += float(self.reaction["drift"][sensor, 1, channel]) * since_s
@@ -306,13 +322,19 @@ class Reactions:
             known *= since_s
         return taken + (size if kind is Kind.BIAS else 0.0), float(np.hypot(known, np.sqrt(variance)))
 
+    def total(self, sensor: int, kind: Kind) -> float:
+        """All that is taken off the sensor's readings now, of one kind: its size as it is told."""
+        channel = max(0, int(self.reaction["channel"][sensor]))
+        taken = float(self.reaction[CORRECTIONS[kind]][sensor, 1, channel])
+        return 1.0 + taken if kind is Kind.SCALE else taken
+
     def _widen(self, sensor: int, channel: int, std: float) -> None:
         """Add the uncertainty of a bias to the primary filter and the levels it is made of.
 
         P + g g' std^2, g the error that such a bias has caused.
         """
         response = respond(self.engine.window, 0)
-        columns = response.raw[response.sensor == sensor, channel]
+        columns = np.unique(response.raw[response.sensor == sensor, channel])
         g = response.carried[:, columns].sum(axis=1) * std
         for row, filtered in enumerate(self._layout.filters):
             if filtered.hears in ("all", "level"):
@@ -320,3 +342,5 @@ class Reactions:
                 U, d = np.eye(len(P)), np.zeros(len(P))
                 if interpreted(ud_factor)(P, U, d, 1e-9):
                     self.engine.track[0]["U"][row], self.engine.track[0]["d"][row] = U, d
+        if self._layout.shape.lazy:
+            self.engine.track[0]["pending"][0] = 0  # P holds what was pending

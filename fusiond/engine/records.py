@@ -19,6 +19,8 @@ HAS_SEQ = 1
 """Reading flag: `seq` was sent by the sensor."""
 HAS_R = 2
 """Reading flag: `R` holds the covariance that came with the reading (unit of z squared)."""
+FED = 8
+"""Reading flag: nobody sent it, it is the engine's own command (engine.step.feed_on)."""
 HAS_ARRIVAL = 4
 """Reading flag: `arrival_ns` was measured by a clock; without it nothing is known of when the reading came."""
 
@@ -47,6 +49,8 @@ class Shape:
         payload: most numbers any reading carries.     slots: most state slots any sensor model reads.
         model_parameters, sensor_parameters, law_parameters: lengths of the parameter vectors.
         controls, references: numbers of the command and of the reference (0 without control).
+        memory, queue: numbers the law keeps, and room for commands that have not acted yet when the next is computed.
+        feeds: 1 where the command drives the prediction, else 0.
         cells: of the bank of fault signatures; 0 without fault detection.   window: readings its evidence reaches back.
         protected: error slots with a protection level.
         guarded: g, states that are not learned while they cannot be observed.
@@ -73,6 +77,9 @@ class Shape:
     guarded: int = 0
     lazy: int = 0
     adapt: AdaptShape | None = None
+    memory: int = 0
+    queue: int = 0
+    feeds: int = 0
 
     @property
     def monitor(self) -> np.dtype[Any]:
@@ -170,9 +177,15 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
 
     ring_first: absolute number of the oldest reading in the ring; ring_count: readings in it.
     newest_*: newest accepted reading.  odd_*: run of readings that disagree with that clock, from odd_start_ns on.
+    applied: the newest acknowledgement.   command*: the last command, when it was given, when the next is due, and
+    periods of the grid since; sent: the one before.   wanted, done: the last command before its limits, and what became
+    of it.   queue: commands that have not acted yet, oldest first; acting: the one that acts now.   memory: the law's
+    own.   source, bump: what the estimate is made of, and what is faded since that last changed.   safe_*: since when
+    the command is the safe one (0: it is not), and the last before.   doubt_since_ns: since when no sound sensor
+    corrects the state (0: one does).   cost*: mean cost of the commands so far.
     seq_top, seq_seen: highest sequence number of each sensor and which of the 64 up to it came (bit 0: the highest).
     """
-    k, s = shape.controls, shape.sensors
+    k, s, queue = shape.controls, shape.sensors, shape.queue
     return record(
         ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
         ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
@@ -180,8 +193,13 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
         ("retry_ns", "<i8"),
         ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
         ("reference_t_ns", "<i8"), ("reference", "<f8", (shape.references,)), ("has_reference", "<i8"),
-        ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)),
-        ("command", "<f8", (k,)), ("command_due_ns", "<i8"), ("command_started", "<i8"),
+        ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)), ("has_applied", "<i8"),
+        ("command", "<f8", (k,)), ("command_due_ns", "<i8"), ("command_started", "<i8"), ("command_t_ns", "<i8"),
+        ("command_given", "<i8"), ("command_periods", "<i8"), ("sent", "<f8", (k,)), ("wanted", "<f8", (k,)),
+        ("done", "<f8", (k,)), ("queue", "<f8", (queue, k)), ("acting", "<f8", (k,)),
+        ("memory", "<f8", (shape.memory,)),
+        ("source", "<i8"), ("bump", "<f8", (k,)), ("bump_ns", "<i8"), ("safe_since_ns", "<i8"),
+        ("safe_from", "<f8", (k,)), ("doubt_since_ns", "<i8"), ("cost", "<f8"), ("cost_count", "<i8"),
     )  # fmt: skip
 
 
@@ -203,8 +221,14 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
     quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
     noise: adapt.records, where noise is estimated.
+    Of the command: c, law_at (the law's parameters, the states it reads), lowest, highest, slew (limits; change per s),
+    fade_ns, safe_mode, safe_command, safe_ramp_ns, reckoning_ns, doubt_ns (longest dead reckoning, longest without a
+    sound sensor), largest_std (n,), awaited (s,), command_wait_ns (whom a due command waits for, and how long),
+    cost_share (of the newest cost in the mean), queue (commands that wait), feeds (the sensor whose reading a command
+    is), acknowledged_ns (how long an acknowledgement stands for the next).
+    stands_for: the input that the command replaces while it is out, as gain times command, plus offset, plus a state.
     """
-    n, s, m = shape.errors, shape.sensors, shape.payload
+    n, s, m, k = shape.errors, shape.sensors, shape.payload, shape.controls
     return record(
         ("x0", "<f8", (shape.states,)), ("U0", "<f8", (n, n)), ("d0", "<f8", (n,)),
         ("p", "<f8", (shape.model_parameters,)), ("angle", "<i4", (shape.states,)),
@@ -224,6 +248,12 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
         ("control_period_ns", "<i8"), ("c", "<f8", (shape.law_parameters,)), ("law_at", "<i8", (shape.slots,)),
         *([("noise", noise_design_dtype(shape.adapt, sensors=s, payload=m))] if shape.adapt else []),
+        ("lowest", "<f8", (k,)), ("highest", "<f8", (k,)), ("slew", "<f8", (k,)), ("fade_ns", "<i8"),
+        ("safe_mode", "<i8"), ("safe_command", "<f8", (k,)), ("safe_ramp_ns", "<i8"), ("reckoning_ns", "<i8"),
+        ("doubt_ns", "<i8"),
+        ("largest_std", "<f8", (n,)), ("awaited", "<i4", (s,)), ("command_wait_ns", "<i8"), ("cost_share", "<f8"),
+        ("feeds", "<i8"), ("acknowledged_ns", "<i8"), ("queue", "<i8"),
+        ("stands_for", "<i8"), ("stand_gain", "<f8", (k,)), ("stand_offset", "<f8"), ("stand_plus", "<i8"),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from fusiond.faults.glr import unforeseen
-from fusiond.faults.response import Response
+from fusiond.faults.response import Integers, Response
 from fusiond.faults.spread import pooled
 from fusiond.numerics.ud import Matrix
 
@@ -24,8 +24,9 @@ RANK = 1e-8
 
 
 def _backwards(response: Response) -> tuple[Matrix, Matrix]:
-    """(W, n, n) and (W, n): A and b of a disturbance before each entry, last entry first."""
+    """(o, n, n) and (o, n): A and b of a disturbance before each entry tried, last entry first."""
     steps, n = response.steps, response.steps.error.shape[1]
+    tried = set(_tried(response).tolist())
     A: Matrix = np.zeros((n, n))
     b = np.zeros(n)
     row = len(response.e)
@@ -34,23 +35,31 @@ def _backwards(response: Response) -> tuple[Matrix, Matrix]:
         dof = int(response.dof[k])
         G, F, e = steps.from_error[k, :dof], steps.error[k], response.e[row - dof : row]
         A, b, row = G.T @ G + F.T @ A @ F, G.T @ e + F.T @ b, row - dof
-        informations.append(A)
-        matched.append(b)
+        if k in tried:
+            informations.append(A)
+            matched.append(b)
     return np.array(informations), np.array(matched)
 
 
 def _filtered(response: Response, filtered: Matrix) -> tuple[Matrix, Matrix]:
     """The same where the innovations have been through a filter: the means themselves go through it."""
-    steps, W, row = response.steps, len(response), len(response.e)
-    means: Matrix = np.zeros((W, row, steps.error.shape[1]))
-    for k in range(W - 1, -1, -1):
+    steps, row, tried = response.steps, len(response.e), set(_tried(response).tolist())
+    mean: Matrix = np.zeros((row, steps.error.shape[1]))
+    kept = []
+    for k in range(len(response) - 1, -1, -1):
         dof = int(response.dof[k])
-        if k < W - 1:
-            means[k, row:] = means[k + 1, row:] @ steps.error[k]
+        mean[row:] = mean[row:] @ steps.error[k]
         row -= dof
-        means[k, row : row + dof] = steps.from_error[k, :dof]
-    seen = np.matmul(filtered, means)
-    return np.einsum("wei,wej->wij", seen, seen), np.einsum("wei,e->wi", seen, response.e)
+        mean[row : row + dof] = steps.from_error[k, :dof]
+        if k in tried:
+            kept.append(filtered[:, row:] @ mean[row:])
+    seen = np.array(kept)
+    return np.einsum("oei,oej->oij", seen, seen), np.einsum("oei,e->oi", seen, response.e)
+
+
+def _tried(response: Response) -> Integers:
+    """Entries before which a disturbance is looked for: those that begin a fold of the inputs."""
+    return np.unique(response.begins_input)
 
 
 def _moved(response: Response) -> float:
@@ -61,7 +70,7 @@ def _moved(response: Response) -> float:
     y2 = np.einsum("wji,wj->wi", V, matched) ** 2
     seen = lengths > RANK * lengths[:, -1:]
     each = np.where(seen, 0.5 * y2 / np.where(seen, lengths, 1.0) - unforeseen(1.0), 0.0)
-    return float(np.max(np.sum(np.maximum(each, 0.0), axis=1)) - np.log(len(response)))
+    return float(np.max(np.sum(np.maximum(each, 0.0), axis=1)) - np.log(len(each)))
 
 
 def model_score(response: Response) -> float:

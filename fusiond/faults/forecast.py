@@ -7,6 +7,7 @@ signature, size as fitted, that no size of the other's can imitate.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from fusiond.faults.course import Suspect
 from fusiond.faults.glr import Fit
 from fusiond.faults.ground import profile_of
-from fusiond.faults.response import Response
+from fusiond.faults.response import Integers, Response
 from fusiond.numerics.ud import Matrix, Vector
 from fusiond.types import Kind
 
@@ -75,28 +76,50 @@ def worst_error(fit: Fit, doubts: float = 0.0) -> dict[Suspect, float]:
     }
 
 
-def onward_means(fit: Fit, count: int) -> Matrix:
-    """(rows, q) whitened means of the next `count` entries for a unit of each size."""
-    ground = fit.ground
-    response, steps = ground.response, ground.response.steps
-    reading, driving = errors_of(fit, response)
+def onward_means(fits: Sequence[Fit], count: int) -> tuple[list[Matrix], Integers]:
+    """Whitened means of the next `count` entries for a unit of each size of every fit.
+
+    Returns:
+        For each fit (rows, q), and (count + 1,) the row at which each entry begins.
+    """
+    response, steps = fits[0].ground.response, fits[0].ground.response.steps
     W = len(response)
     recent = max(W // 2, 1)
-    phi = response.carried[:, ground.columns] @ profile_of(ground, fit.hypothesis, fit.number)
+    phi = np.hstack(
+        [
+            response.carried[:, fit.ground.columns] @ profile_of(fit.ground, fit.hypothesis, fit.number)
+            for fit in fits
+        ]
+    )
     step_s = (response.t_s[-1] - response.t_s[-recent]) / max(recent - 1, 1)
-    since_s = response.t_s[-1] - response.t_s[fit.onset]
-    rows = []
+    widths = [len(fit.size) for fit in fits]
+    now = np.concatenate([np.full(q, _grown(fit)) for fit, q in zip(fits, widths, strict=True)])
+    each = np.concatenate(
+        [np.full(q, step_s * (fit.kind is Kind.DRIFT)) for fit, q in zip(fits, widths, strict=True)]
+    )
+    errors = [errors_of(fit, response) for fit in fits]
+    reading, driving = (np.concatenate([pair[i] for pair in errors], axis=2)[W - recent :] for i in (0, 1))
+    late = slice(W - recent, W)
+    shown = steps.from_reading[late] @ reading + steps.from_input[late] @ driving
+    caused = steps.reading[late] @ reading + steps.input[late] @ driving
+    dof = response.dof[late][np.arange(count) % recent]
+    row = np.concatenate(([0], np.cumsum(dof)))
+    means = np.empty((row[-1], phi.shape[1]))
     for i in range(count):
-        k = W - recent + i % recent
-        grown = since_s + (i + 1) * step_s if fit.kind is Kind.DRIFT else float(fit.kind is not Kind.SPIKE)
-        f, g = reading[k] * grown, driving[k] * grown
-        rows.append(
-            (steps.from_error[k] @ phi + steps.from_reading[k] @ f + steps.from_input[k] @ g)[
-                : response.dof[k]
-            ]
-        )
-        phi = steps.error[k] @ phi + steps.reading[k] @ f + steps.input[k] @ g
-    return np.concatenate(rows) if rows else np.zeros((0, reading.shape[2]))
+        k = i % recent
+        grown = now + (i + 1) * each
+        means[row[i] : row[i + 1]] = (steps.from_error[W - recent + k] @ phi + shown[k] * grown)[: dof[i]]
+        phi = steps.error[W - recent + k] @ phi + caused[k] * grown
+    ends = np.cumsum(widths)
+    return [means[:, end - q : end] for end, q in zip(ends, widths, strict=True)], row
+
+
+def _grown(fit: Fit) -> float:
+    """What a unit of size amounts to at the window's end."""
+    response = fit.ground.response
+    if fit.kind is Kind.DRIFT:
+        return float(response.t_s[-1] - response.t_s[fit.onset])
+    return float(fit.kind is not Kind.SPIKE)
 
 
 def _unlike(mean: Vector, basis: Matrix) -> Vector:
@@ -111,10 +134,20 @@ def _energy(mean: Vector) -> float:
     return 0.5 * float(mean @ mean)
 
 
-def separate(fit: Fit, rival: Fit, count: int) -> Separation:
-    """How well `fit`, if it is true, is told from `rival` in the window, and in `count` more entries."""
-    mean, basis = fit.basis() @ fit.size, rival.basis()
-    later, basis_later = onward_means(fit, count) @ fit.size, onward_means(rival, count)
+def separate(fit: Fit, rivals: Sequence[Fit], counts: Sequence[int]) -> list[Separation]:
+    """How well `fit`, if it is true, is told from each rival in the window, and in so many more entries."""
+    if not rivals:
+        return []
+    (own, *others), row = onward_means([fit, *rivals], max(counts))
+    mean, later = fit.basis() @ fit.size, own @ fit.size
+    return [
+        _apart(mean, rival.basis(), later[: row[count]], other[: row[count]])
+        for rival, other, count in zip(rivals, others, counts, strict=True)
+    ]
+
+
+def _apart(mean: Vector, basis: Matrix, later: Vector, basis_later: Matrix) -> Separation:
+    """How well a mean is told from what `basis` can imitate, in the window and with the readings to come."""
     now = _energy(_unlike(mean, basis))
     rest = _unlike(np.concatenate((mean, later)), np.concatenate((basis, basis_later)))
     tail = (len(later) + 1) // 2

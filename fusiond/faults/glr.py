@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fusiond.faults.ground import Ground, basis, ground_of, information, profile_of
+from fusiond.faults.ground import Ground, basis, ground_of, information, oddity, profile_of
 from fusiond.faults.hypotheses import Hypothesis, Place
 from fusiond.faults.response import Response
 from fusiond.faults.spread import fit_spread
@@ -117,10 +117,15 @@ def fit_signature(ground: Ground, hypothesis: Hypothesis) -> Fit:
     """The most likely onset and size of a fault with a signature."""
     a, b = information(ground, hypothesis)
     sizes, glr = likelihoods(a, b)
+    if hypothesis.kind is Kind.DELAY:
+        # no reading can be later than its fault is old: beyond, the rate of change says nothing
+        age_s = ground.response.t_s[-1] - ground.response.t_s[ground.entries]
+        glr = np.where(np.abs(sizes[:, 0]) <= age_s, glr, 0.0)
     best = int(np.argmax(glr))
     paid = (
         price(ground, hypothesis, best, a[best]) + float(np.log(len(glr))) + RARITY.get(hypothesis.kind, 0.0)
     )
+    paid -= oddity(ground, hypothesis, best)
     return Fit(
         hypothesis, int(ground.entries[best]), sizes[best], np.linalg.pinv(a[best], rcond=FAINT, hermitian=True),
         float(glr[best]), float(glr[best]) - paid, 2.0 * float(glr[best]),

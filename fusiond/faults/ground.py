@@ -10,7 +10,11 @@ from fusiond.faults.course import Suspect
 from fusiond.faults.hypotheses import Hypothesis, Place
 from fusiond.faults.response import Integers, Response
 from fusiond.numerics.ud import Matrix, Vector
+from fusiond.faults.window import ODD
 from fusiond.types import Kind
+
+MOST_ODD = 25.0
+"""However odd, an input's reading speaks for a burst by no more than this: machines are hit, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,19 +22,28 @@ class Ground:
     """Where a fault of one place may act.
 
     Args:
-        response: whose columns these are.   entries: (o,) with a reading of the place; every entry for an input.
+        response: whose columns these are.   entries: (o,) that begin a fold of the place, each an onset tried.
+        t_s: (o,) mean time of each fold.   alone: (o,) whether it is one entry only.
         columns: (p,) of the response, by entry.   first: (o,) the first of each entry's columns.
         sensor, channel, at: (p,) whose each column is, and in which of the entries.
-        gram: (p, p).   matched: (p,).   variance: (p,) of each column's own noise, 1 for an input's.
+        reading, reading_channel, into: (r,) every error of a reading (of an input, over an interval): its entry, its
+            channel, and which of the columns it shares.
+        gram: (p, p) inner products of the columns.   matched: (p,).   variance: (p,) of each column's own noise, 1 for
+            an input's.
     """
 
     response: Response
     entries: Integers
+    t_s: Vector
+    alone: NDArray[np.bool_]
     columns: Integers
     first: Integers
     sensor: Integers
     channel: Integers
     at: Integers
+    reading: Integers
+    reading_channel: Integers
+    into: Integers
     gram: Matrix
     matched: Vector
     variance: Vector
@@ -44,45 +57,59 @@ def ground_of(response: Response, place: Place, inputs: tuple[int, ...] = ()) ->
         inputs: numbers of the process inputs, where the place is an input sensor; none where it updates.
     """
     if inputs:
-        entries = np.arange(len(response))
-        at = np.repeat(entries, len(inputs))
-        channel = np.tile(np.array(inputs), len(entries))
-        columns, sensor = response.held[at, channel], np.full(len(at), place[0])
-        variance = np.ones(len(at))
+        own, begins = np.arange(len(response)), response.begins_input
+        reading, channel = np.repeat(own, len(inputs)), np.tile(np.array(inputs), len(own))
+        column = response.held[reading, channel]
     else:
-        own = np.isin(response.sensor, np.array(place)) & (response.dof > 0)
-        entries = np.flatnonzero(own)
-        at, channel = np.nonzero(response.raw[entries] >= 0)
-        columns, sensor = response.raw[entries[at], channel], response.sensor[entries[at]]
-        variance = np.maximum(np.sum(response.noise[entries[at], channel] ** 2, axis=1), 1e-300)
-    gram = response.gram[np.ix_(columns, columns)]
-    first = np.searchsorted(at, np.arange(len(entries)))
+        own = np.flatnonzero(np.isin(response.sensor, np.array(place)) & (response.dof > 0))
+        begins = response.begins
+        at, channel = np.nonzero(response.raw[own] >= 0)
+        reading = own[at]
+        column = response.raw[reading, channel]
+    entries, of_entry, many = np.unique(begins[own], return_inverse=True, return_counts=True)
+    columns, lead, into = np.unique(column, return_index=True, return_inverse=True)
+    at = np.searchsorted(entries, reading[lead])
+    X, variance = response.impulses[:, columns], np.ones(len(columns))
+    if not inputs:
+        variance = np.maximum(np.sum(response.noise[reading[lead], channel[lead]] ** 2, axis=1), 1e-300)
     return Ground(
-        response,
-        entries,
-        columns,
-        first,
-        sensor,
-        channel,
-        at,
-        gram,
-        response.matched[columns],
-        variance,
-        bool(inputs),
+        response=response,
+        entries=entries,
+        t_s=np.bincount(of_entry, response.t_s[own]) / many,
+        alone=many == 1,
+        columns=columns,
+        first=np.searchsorted(at, np.arange(len(entries))),
+        sensor=np.full(len(columns), place[0]) if inputs else response.sensor[reading[lead]],
+        channel=channel[lead],
+        at=at,
+        reading=reading,
+        reading_channel=channel,
+        into=into,
+        gram=X.T @ X,
+        matched=response.matched[columns],
+        variance=variance,
+        is_input=bool(inputs),
     )
 
 
 def weights(ground: Ground, kind: Kind, part: tuple[Suspect, ...]) -> Vector:
     """(p,) what one unit of a part's size does through each column, time left out."""
-    response, at = ground.response, ground.entries[ground.at]
+    response = ground.response
     member = np.zeros(len(ground.columns), dtype=bool)
     for suspect in part:
         member |= (ground.sensor == suspect.sensor) & (ground.channel == suspect.channel)
     if kind is Kind.SCALE:
-        return np.where(member, response.h[at, ground.channel], 0.0)
+        return np.where(member, _mean(ground, response.h), 0.0)
     if kind is Kind.DELAY:
-        return np.where(member, -response.hdot[at, ground.channel], 0.0)
+        return np.where(member, -_mean(ground, response.hdot), 0.0)
     return member.astype(np.float64)
+
+
+def _mean(ground: Ground, values: Matrix) -> Vector:
+    """(p,) mean of (W, m) values over the readings that share each column."""
+    return np.asarray(
+        np.bincount(ground.into, values[ground.reading, ground.reading_channel]) / np.bincount(ground.into)
+    )
 
 
 def onward(M: Matrix) -> Vector:
@@ -96,15 +123,54 @@ def information(ground: Ground, hypothesis: Hypothesis) -> tuple[Matrix, Matrix]
     q, count = len(hypothesis.parts), len(ground.entries)
     a, b = np.empty((count, q, q)), np.empty((count, q))
     parts = [weights(ground, hypothesis.kind, part) for part in hypothesis.parts]
-    t_s = ground.response.t_s[ground.entries]
     for i, wi in enumerate(parts):
         matched = np.add.reduceat(wi * ground.matched, ground.first)
-        b[:, i] = _sum_vector(hypothesis.kind, matched, t_s)
+        b[:, i] = _sum_vector(hypothesis.kind, matched, ground.t_s)
         for j, wj in enumerate(parts[: i + 1]):
             block = np.add.reduceat(wi[:, None] * ground.gram * wj, ground.first, axis=0)
             block = np.add.reduceat(block, ground.first, axis=1)
-            a[:, i, j] = a[:, j, i] = _sum_matrix(hypothesis.kind, block, t_s)
+            a[:, i, j] = a[:, j, i] = _sum_matrix(hypothesis.kind, block, ground.t_s)
+    if hypothesis.kind is Kind.SPIKE:
+        return _bursts(ground, hypothesis, a, b)
     return a, b
+
+
+def _bursts(ground: Ground, hypothesis: Hypothesis, a: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
+    """A spike is one reading, which a fold does not show; of an input a run of odd ones, which may not be real."""
+    if not ground.is_input:
+        a[~ground.alone], b[~ground.alone] = 0.0, 0.0
+        return a, b
+    a[:], b[:] = 0.0, 0.0
+    begins = burst_of(ground, hypothesis)
+    for o in np.unique(begins[begins >= 0]):
+        P = profile_of(ground, hypothesis, int(o))
+        a[o], b[o] = P.T @ ground.gram @ P, P.T @ ground.matched
+    return a, b
+
+
+def burst_of(ground: Ground, hypothesis: Hypothesis) -> Integers:
+    """(o,) entry of the ground at which the run of unusual readings of an input that each is in begins; -1: none.
+
+    Somewhere in the run a reading is odd, all along one is half as far off; and the run is over.
+    """
+    number, entries = hypothesis.parts[0][0].channel, ground.entries
+    unusual = (ground.response.odd[entries, number] > 0.25 * ODD * ODD) & ground.alone
+    lead = unusual & ~np.concatenate(([False], unusual[:-1]))
+    run = np.where(unusual, np.cumsum(lead), 0)
+    odd = np.bincount(run, ground.response.odd_count[entries, number])
+    odd[0] = 0.0
+    if unusual[-1]:
+        odd[-1] = 0.0
+    return np.where(odd[run] > 0.0, np.concatenate(([-1], np.flatnonzero(lead)))[run], -1)
+
+
+def oddity(ground: Ground, hypothesis: Hypothesis, onset: int) -> float:
+    """Log likelihood by which an input's own readings speak for a burst that begins there; 0 for everything else."""
+    if hypothesis.kind is not Kind.SPIKE or not ground.is_input:
+        return 0.0
+    entries = ground.entries[burst_of(ground, hypothesis) == onset]
+    square = float(np.max(ground.response.odd[entries, hypothesis.parts[0][0].channel], initial=0.0))
+    return min(0.5 * square, MOST_ODD)
 
 
 def _sum_vector(kind: Kind, matched: Vector, t_s: Vector) -> Vector:
@@ -130,11 +196,12 @@ def _sum_matrix(kind: Kind, block: Matrix, t_s: Vector) -> Vector:
 def profile_of(ground: Ground, hypothesis: Hypothesis, onset: int) -> Matrix:
     """(p, q) errors in each column for a unit of each size, from the ground's entry number `onset` on."""
     course = (ground.at >= onset).astype(np.float64)
-    if hypothesis.kind is Kind.SPIKE:
+    if hypothesis.kind is Kind.SPIKE and ground.is_input:
+        course = (burst_of(ground, hypothesis) == onset)[ground.at].astype(np.float64)
+    elif hypothesis.kind is Kind.SPIKE:
         course = (ground.at == onset).astype(np.float64)
     if hypothesis.kind is Kind.DRIFT:
-        t_s = ground.response.t_s[ground.entries]
-        course *= t_s[ground.at] - t_s[onset]
+        course *= ground.t_s[ground.at] - ground.t_s[onset]
     return np.stack([weights(ground, hypothesis.kind, part) * course for part in hypothesis.parts], axis=1)
 
 

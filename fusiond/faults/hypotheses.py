@@ -12,7 +12,8 @@ error is f = size * p, p the profile of its kind:
 | spike | 1 at the onset, 0 thereafter | in the channel's unit |
 | noise | none: the variance changes | a factor of the standard deviation |
 
-For an input only bias and drift: what it should have read is not in the window.
+For an input only bias, drift and spike: what it should have read is not in the window. A spike of an input is a run of
+readings unlike its usual ones; without such there is none.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def catalogue(
     """
     found = [hypothesis for sensor, dof in dofs.items() for hypothesis in _of_sensor(sensor, dof)]
     for sensor, numbers in (inputs or {}).items():
-        for kind in (Kind.BIAS, Kind.DRIFT):
+        for kind in (Kind.BIAS, Kind.DRIFT, Kind.SPIKE):
             found += [Hypothesis(kind, ((Suspect(sensor, number, True),),)) for number in numbers]
     for group in groups:
         width = min((dofs[sensor] for sensor in group), default=0)

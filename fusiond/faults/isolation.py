@@ -6,7 +6,8 @@ explanations are carried on into the readings the window can still hold (half a 
 not part the two, the answer is the ambiguous set; else: ask again later. Where the two look the same in the long run
 and only the
 first moments after the onset tell them apart, much more is demanded, as that evidence stands and falls with the
-assumption of a sudden onset.
+assumption of a sudden onset. Of two sensors that the diagnosability matrix calls ambiguous it counts for nothing: what
+is promised there is the set, however large the jump.
 
 An explanation must also explain: if what it leaves over is more than noise, faults of any shape in one sensor, then two
 faults at once, and at last the model are tried.
@@ -25,13 +26,17 @@ from enum import IntEnum
 import numpy as np
 
 from fusiond.faults.disturbance import model_score
-from fusiond.faults.forecast import separate
+from fusiond.faults.forecast import Separation, separate
 from fusiond.faults.glr import Fit, scan
 from fusiond.faults.ground import free
 from fusiond.faults.hypotheses import Hypothesis, Place
 from fusiond.faults.kinds import Choice, choose_kind
 from fusiond.faults.response import Response
 from fusiond.types import Kind
+
+
+Twins = frozenset[frozenset[int]]
+"""Pairs of sensors."""
 
 
 class Outcome(IntEnum):
@@ -74,6 +79,7 @@ class Finding:
         choice: which kind, and which kinds it may also be.   margin: log likelihood over the best other place.
         confidence: probability of the named place (or set), all having been equally likely before.
         fits: explains all but noise.   also: a second fault at the same time.
+        standing: the best explanation at each place that may be it.
     """
 
     outcome: Outcome
@@ -84,6 +90,7 @@ class Finding:
     confidence: float
     fits: bool = True
     also: Fit | None = None
+    standing: tuple[Fit, ...] = ()
 
 
 def isolate(
@@ -91,12 +98,14 @@ def isolate(
     hypotheses: Sequence[Hypothesis],
     margins: Margins | None = None,
     restless: frozenset[int] | None = None,
+    twins: Twins = frozenset(),
 ) -> Finding:
     """Weigh every hypothesis over the window.
 
     Args:
         response: of the window.   hypotheses: of `catalogue`.   margins: defaults where None.
         restless: sensors whose noise may have become less, as it is taken for more than declared; any, where None.
+        twins: pairs of sensors that nothing lasting tells apart.
     """
     margins = margins or Margins()
     fits = [fit for fit in scan(response, hypotheses) if restless is None or not _calm(fit, restless)]
@@ -108,11 +117,25 @@ def isolate(
     model = model_score(response) if len(np.unique(response.sensor)) > 1 else -math.inf
     if model - best.score >= margins.place:
         convicted = replace(nothing, outcome=Outcome.MODEL, fit=best, margin=model - best.score)
-        return _two(response, hypotheses, fits, model + margins.place, margins) or convicted
+        two = _two(response, hypotheses, fits, model + margins.place, margins)
+        return _with_twins(two, places, twins) if two else convicted
     surplus = _surplus(response, best.onset, best.removed, len(best.size))
     if surplus > margins.misfit:
-        return _unexplained(response, hypotheses, fits, margins)
-    return _decide(fits, places, model, margins)
+        return _with_twins(_unexplained(response, hypotheses, fits, margins), places, twins)
+    return _decide(fits, places, model, margins, twins)
+
+
+def _with_twins(found: Finding, places: Sequence[Fit], twins: Twins) -> Finding:
+    """The set of the sensor found and its twins, where a sensor was found by how its fault began."""
+    if found.outcome is not Outcome.ONE or found.choice.kind in (Kind.NOISE, Kind.SPIKE):
+        return found
+    (sensor,) = found.sensors
+    alike = tuple(fit for fit in places if frozenset((sensor, *fit.place)) in twins)
+    if not alike or found.fit is None:
+        return found
+    standing = (found.fit, *alike)
+    sensors = tuple(sorted({k for fit in standing for k in fit.place}))
+    return replace(found, outcome=Outcome.AMBIGUOUS, sensors=sensors, standing=standing)
 
 
 def _calm(fit: Fit, restless: frozenset[int]) -> bool:
@@ -156,18 +179,33 @@ def _surplus(response: Response, onset: int, removed: float, fitted: int) -> flo
     return ((left / n) ** (1.0 / 3.0) - (1.0 - 2.0 / (9.0 * n))) / math.sqrt(2.0 / (9.0 * n))
 
 
-def _demand(best: Fit, rival: Fit, margin: float, margins: Margins) -> tuple[bool, bool]:
-    """Whether the margin of `best` over `rival` falls short of what is needed, and whether waiting can bring it."""
-    if Kind.NOISE in (best.kind, rival.kind):
+def _demands(best: Fit, pleas: Sequence[Fit], margins: Margins, twins: Twins) -> list[tuple[bool, bool]]:
+    """Whether the margin of `best` over each plea falls short of what is needed, and whether waiting can bring it."""
+    half = len(best.ground.response) // 2
+    lasting = [plea for plea in pleas if Kind.NOISE not in (best.kind, plea.kind)]
+    apart = iter(separate(best, lasting, [max(best.onset, plea.onset, half) for plea in lasting]))
+    demands = []
+    for plea in pleas:
+        which = next(apart) if Kind.NOISE not in (best.kind, plea.kind) else None
+        twin = frozenset((*best.place, *plea.place)) in twins
+        demands.append(_demand(best.score - plea.score, which, margins, twin=twin))
+    return demands
+
+
+def _demand(margin: float, apart: Separation | None, margins: Margins, *, twin: bool) -> tuple[bool, bool]:
+    """Whether a margin falls short of what is needed, and whether waiting can bring it."""
+    if apart is None:
         return margin < margins.place, True
-    response = best.ground.response
-    apart = separate(best, rival, max(best.onset, rival.onset, len(response) // 2))
-    persists = apart.strength >= 1.0
-    needed = margins.sudden if persists and apart.sine2 < margins.alike else margins.place
+    lasts, alike = apart.strength >= 1.0, apart.sine2 < margins.alike
+    needed = margins.sudden if lasts and alike else margins.place
+    if twin and (alike or not lasts):
+        needed = math.inf
     return margin < needed, margin + apart.gain + 2.0 * math.sqrt(2.0 * apart.gain) >= needed
 
 
-def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: Margins) -> Finding:
+def _decide(
+    fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: Margins, twins: Twins
+) -> Finding:
     """Name the best place, the set, or nobody yet."""
     best = places[0]
     choice = choose_kind([fit for fit in fits if fit.place == best.place])
@@ -175,9 +213,18 @@ def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: M
     margin = min([best.score - rival.score for rival in rivals] + [best.score, best.score - model])
     # a model that scatters more than it should looks much like one noisy sensor
     standing, hope = [best], best.score - model < (margins.place if best.kind is Kind.NOISE else 0.0)
+    close = [
+        fit
+        for fit in fits
+        if fit.place != best.place
+        and (best.score - fit.score < margins.sudden or frozenset((*best.place, *fit.place)) in twins)
+    ]
+    pleas = [
+        plea for rival in rivals for plea in _best_of_kinds([f for f in close if f.place == rival.place])
+    ]
+    demanded = list(zip(pleas, _demands(best, pleas, margins, twins), strict=True))
     for rival in rivals:
-        pleas = [fit for fit in fits if fit.place == rival.place and best.score - fit.score < margins.sudden]
-        demands = [_demand(best, plea, best.score - plea.score, margins) for plea in _best_of_kinds(pleas)]
+        demands = [demand for plea, demand in demanded if plea.place == rival.place]
         if any(short for short, _ in demands):
             standing.append(rival)
             hope = hope or all(can_part for short, can_part in demands if short)
@@ -188,7 +235,7 @@ def _decide(fits: Sequence[Fit], places: Sequence[Fit], model: float, margins: M
         outcome = Outcome.UNDECIDED if hope or choice.kind is Kind.NONE else Outcome.AMBIGUOUS
     elif hope or choice.kind is Kind.NONE:
         outcome = Outcome.UNDECIDED
-    return Finding(outcome, sensors, best, choice, margin, confidence)
+    return Finding(outcome, sensors, best, choice, margin, confidence, standing=tuple(standing))
 
 
 def _unexplained(
@@ -208,8 +255,9 @@ def _unexplained(
         choice = choose_kind([fit for fit in fits if fit.place == alone[0].place])
         ahead = alone[0].score - max((fit.score for fit in places if fit is not alone[0]), default=0.0)
         return Finding(
-            outcome, sensors, alone[0], choice, ahead, _share([alone[0].score], places), fits=False
-        )
+            outcome, sensors, alone[0], choice, ahead, _share([alone[0].score], places),
+            fits=False, standing=tuple(alone),
+        )  # fmt: skip
     two = _two(response, hypotheses, fits, -math.inf, margins)
     if two is not None:
         return two

@@ -34,8 +34,10 @@ def monitor_dtype(
     last_e: whitened innovations of the sensor's last reading.   slow: its slow innovation variance less one.
     raw_z: last values sent;   pairs, equal: readings that could and that did repeat them, the current run left out;
     run: equal values in a row;   run_h: what was predicted when the run began.
+    held: how often a value held between fixes was repeated;   held_longest: the most of that so far.
     garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
-    its sensor.   shadow: (s, 3) evidence that an excluded sensor has healed.
+    its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from it
+    since the last entry, in such variances, and how many were odd.   shadow: (s, 3) evidence that an excluded sensor has healed.
     """
     n, s, m, c = errors, sensors, payload, cells
     return packed([
@@ -45,8 +47,9 @@ def monitor_dtype(
         ("phi", "<f8", (n, c)), ("llr", "<f8", (c,)), ("count", "<i8", (c,)),
         ("variance", "<f8", (s, 2)), ("pooled", "<f8", (2,)), ("white", "<f8", (s, 2)), ("last_e", "<f8", (s, m)),
         ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
-        ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("run", "<i8", (s,)),
-        ("run_h", "<f8", (s, m)), ("shadow", "<f8", (s, 3)),
+        ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("usual_var", "<f8", (s, m)),
+        ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
+        ("run_h", "<f8", (s, m)), ("held", "<i8", (s,)), ("held_longest", "<i8", (s,)), ("shadow", "<f8", (s, 3)),
     ])  # fmt: skip
 
 
@@ -54,7 +57,8 @@ def tests_dtype(*, sensors: int, cells: int) -> np.dtype[Any]:
     """Thresholds of every test, derived at design time.
 
     Cells (`cell_*`, sorted by sensor): theta: signed fault size, in the channel's unit (or the input's);
-    tolerance: error of that kind which is no fault, same unit;   channel: raw channel, or number of the input;
+    tolerance: error of that kind which is no fault, same unit;   channel: raw channel, or number of the input; -1: all;
+    kind: a bias, or all channels' common scale or delay;
     limit: of its llr;   age: readings after which it starts anew.
     first, last: (s,) the cells of each sensor are first <= cell < last.   is_input: whether the sensor drives.
     gate: (s,) largest nis that is used;   variance_limit, white_limit: (s, 2);   pooled_limit: (2,).
@@ -65,7 +69,7 @@ def tests_dtype(*, sensors: int, cells: int) -> np.dtype[Any]:
     s, c = sensors, cells
     return packed([
         ("theta", "<f8", (c,)), ("tolerance", "<f8", (c,)), ("channel", "<i8", (c,)),
-        ("limit", "<f8", (c,)), ("age", "<i8", (c,)),
+        ("kind", "<i8", (c,)), ("limit", "<f8", (c,)), ("age", "<i8", (c,)),
         ("first", "<i8", (s,)), ("last", "<i8", (s,)), ("is_input", "<i8", (s,)),
         ("gate", "<f8", (s,)), ("variance_limit", "<f8", (s, 2)), ("white_limit", "<f8", (s, 2)),
         ("pooled_limit", "<f8", (2,)), ("repeat_log", "<f8"), ("dead_band", "<f8", (s,)), ("studentise", "<f8", (s,)),
@@ -81,7 +85,7 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
     suspects: bit k set where it cannot be told from a fault of sensor k.
     excluded: its readings from out_from_ns to until_ns (0: for good) correct nothing.   relapses: how often it has come
     back.   from_ns, to_ns: (s, 2) the error taken off before, and now (0: none; 0: for good): offset, drift (per
-    second since from_ns) and gain_error (a factor less one).   noise_excess: its R is this much larger, a factor less
+    second since from_ns), gain_error (a factor less one) and lag, s.   noise_excess: its R is this much larger, a factor less
     one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return.
     model: 1 while the model, not a sensor, is thought wrong.
     """
@@ -91,6 +95,6 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
         ("size_std", "<f8", (s,)), ("onset_ns", "<i8", (s,)), ("since_ns", "<i8", (s,)), ("suspects", "<u8", (s,)),
         ("excluded", "<i8", (s,)), ("out_from_ns", "<i8", (s,)), ("until_ns", "<i8", (s,)),
         ("relapses", "<i8", (s,)), ("from_ns", "<i8", (s, 2)), ("to_ns", "<i8", (s, 2)), ("offset", "<f8", (s, 2, m)),
-        ("drift", "<f8", (s, 2, m)), ("gain_error", "<f8", (s, 2, m)), ("noise_excess", "<f8", (s,)),
+        ("drift", "<f8", (s, 2, m)), ("gain_error", "<f8", (s, 2, m)), ("lag", "<f8", (s, 2, m)), ("noise_excess", "<f8", (s,)),
         ("shadow_size", "<f8", (s, m)), ("model", "<i8"),
     ])  # fmt: skip

@@ -8,6 +8,9 @@ innovations of the sequential update, c = 1, 2, ..., as
 and the next entry through eps <- T eps (+ B g for an input that is wrong by g meanwhile). The running filter is linear
 in eps, so every fault is a sum of such impulses: one matrix of their responses serves every hypothesis and every onset.
 
+A window is long enough for its slowest sensor, and then holds many readings of a fast one. Its older readings share
+columns (`fold`): an error that lasts is the same in neighbouring readings, so nothing is lost of it but the exact onset.
+
 Source: Willsky & Jones 1976 (signatures by recursion); the filter's own gains, so exact in transients.
 """
 
@@ -22,6 +25,8 @@ from numpy.typing import NDArray
 from fusiond.numerics.ud import Matrix, Vector
 
 Integers = NDArray[np.int64]
+FINE, COARSE = 64, 64
+"""Newest readings of a sensor that have columns of their own, and folds of the older ones, where there are more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +60,12 @@ class Response:
         t_ns: (W,) stamps.   t_s: the same in seconds since the first.   sensor, dof: (W,).
         entry: (E,) entry of each row.   e: (E,) whitened innovations.
         noise: (W, m, m) a square root of the covariance of each reading's own noise, raw channels.
-        impulses: (E, J).   gram: (J, J) their inner products.   matched: (J,) their products with e.
+        impulses: (E, J).   matched: (J,) their products with e.
         carried: (n, J) error of the estimate each impulse has caused by the window's end.
         raw: (W, m) column of an error of each raw channel;   held: (W, k) of each input; -1: none.
+        begins, begins_input: (W,) entry that begins the fold an entry is in, of its sensor and of the inputs.
         h, hdot: (W, m) predicted raw reading and its rate, 1/s.   steps: as above.
+        odd: (W, k) largest square of each input's deviations since the entry before;   odd_count: how many were odd.
         filtered: (E, E) what e and impulses have been through since (`tolerate`); None: nothing.
     """
 
@@ -70,14 +77,17 @@ class Response:
     e: Vector
     noise: Matrix
     impulses: Matrix
-    gram: Matrix
     matched: Vector
     carried: Matrix
     raw: Integers
     held: Integers
+    begins: Integers
+    begins_input: Integers
     h: Matrix
     hdot: Matrix
     steps: Steps
+    odd: Matrix
+    odd_count: Integers
     filtered: Matrix | None = None
 
     def __len__(self) -> int:
@@ -136,21 +146,59 @@ def noise_roots(window: NDArray[Any]) -> Matrix:
     return undecorrelated(window) * np.sqrt(np.where(exists, r, 0.0))[:, None, :]
 
 
-def _impulses(steps: Steps, dof: Integers, inputs: int) -> tuple[Matrix, Matrix, Integers]:
-    """(E, J) responses, (n, J) errors they leave, and the first column of each entry: its inputs, then its channels."""
-    wide = inputs + dof
-    first = np.concatenate(([0], np.cumsum(wide)))
+def fold(sensor: Integers) -> Integers:
+    """(W,) entry that begins the fold of each: the newest FINE of a sensor each alone, older ones in COARSE folds.
+
+    A sensor with no more than FINE + COARSE entries has none folded.
+    """
+    begins = np.arange(len(sensor))
+    for one in np.unique(sensor):
+        own = np.flatnonzero(sensor == one)
+        if len(own) <= FINE + COARSE:
+            continue
+        for together in np.array_split(own[:-FINE], COARSE):
+            begins[together] = together[0]
+    return begins
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """Column of every impulse (see `Response`), their number, and how many there are before each entry."""
+
+    raw: Integers
+    held: Integers
+    count: int
+    before: Integers
+
+
+def _columns(dof: Integers, begins: Integers, begins_input: Integers, m: int, inputs: int) -> _Columns:
+    """Number the columns in the order in which they begin: of one entry its inputs, then its channels."""
+    entries = np.arange(len(dof))
+    new_inputs, new = np.where(begins_input == entries, inputs, 0), np.where(begins == entries, dof, 0)
+    before = np.concatenate(([0], np.cumsum(new_inputs + new)))
+    channel = np.arange(m)
+    first = before[:-1] + new_inputs
+    raw = np.where(channel < dof[:, None], first[begins][:, None] + channel, -1)
+    return _Columns(raw, before[:-1][begins_input][:, None] + np.arange(inputs), int(before[-1]), before[:-1])
+
+
+def _impulses(steps: Steps, dof: Integers, columns: _Columns) -> tuple[Matrix, Matrix]:
+    """(E, J) responses, and (n, J) errors they leave."""
+    inputs = columns.held.shape[1]
     row = np.concatenate(([0], np.cumsum(dof)))
-    X: Matrix = np.zeros((row[-1], first[-1]))
-    phi: Matrix = np.zeros((steps.error.shape[1], first[-1]))
+    X: Matrix = np.zeros((row[-1], columns.count))
+    phi: Matrix = np.zeros((steps.error.shape[1], columns.count))
     for k in range(len(dof)):
-        d, lo, mid, hi = dof[k], first[k], first[k] + inputs, first[k + 1]
-        rows = slice(row[k], row[k + 1])
-        np.matmul(steps.from_error[k, :d], phi[:, :lo], out=X[rows, :lo])
-        phi[:, :lo] = steps.error[k] @ phi[:, :lo]
-        X[rows, lo:mid], X[rows, mid:hi] = steps.from_input[k, :d, :inputs], steps.from_reading[k, :d, :d]
-        phi[:, lo:mid], phi[:, mid:hi] = steps.input[k, :, :inputs], steps.reading[k, :, :d]
-    return X, phi, first[:-1]
+        d, known = dof[k], columns.before[k]
+        rows, raw, held = X[row[k] : row[k + 1]], columns.raw[k, :d], columns.held[k]
+        np.matmul(steps.from_error[k, :d], phi[:, :known], out=rows[:, :known])
+        phi[:, :known] = steps.error[k] @ phi[:, :known]
+        rows[:, raw] += steps.from_reading[k, :d, :d]
+        phi[:, raw] += steps.reading[k, :, :d]
+        if inputs:
+            rows[:, held] += steps.from_input[k, :d, :inputs]
+            phi[:, held] += steps.input[k, :, :inputs]
+    return X, phi
 
 
 def respond(window: NDArray[Any], inputs: int = 0) -> Response:
@@ -162,14 +210,13 @@ def respond(window: NDArray[Any], inputs: int = 0) -> Response:
     steps = steps_of(window)
     dof = window["dof"].astype(np.int64)
     m = window["e"].shape[1]
-    X, phi, first = _impulses(steps, dof, inputs)
-    channel = np.arange(m)
-    exists = channel < dof[:, None]
-    raw = np.where(exists, (first + inputs)[:, None] + channel, -1)
-    held = first[:, None] + np.arange(inputs)
-    t_ns, e = window["t_ns"].astype(np.int64), window["e"][exists]
+    sensor = window["sensor"].astype(np.int64)
+    begins, begins_input = fold(sensor), fold(np.zeros(len(dof), dtype=np.int64))
+    columns = _columns(dof, begins, begins_input, m, inputs)
+    X, phi = _impulses(steps, dof, columns)
+    t_ns, e = window["t_ns"].astype(np.int64), window["e"][np.arange(m) < dof[:, None]]
     return Response(
-        t_ns, (t_ns - t_ns[0]) * 1e-9, window["sensor"].astype(np.int64), dof, np.repeat(np.arange(len(dof)), dof),
-        e, noise_roots(window), X, X.T @ X, X.T @ e, phi, raw, held, window["h"], window["hdot"],
-        steps,
+        t_ns, (t_ns - t_ns[0]) * 1e-9, sensor, dof, np.repeat(np.arange(len(dof)), dof), e, noise_roots(window),
+        X, X.T @ e, phi, columns.raw, columns.held, begins, begins_input, window["h"], window["hdot"], steps,
+        window["odd"], window["odd_count"],
     )  # fmt: skip

@@ -78,10 +78,13 @@ def fit_factor(gram: Matrix, matched: Vector) -> tuple[float, float, float, floa
 def fit_spread(ground: Ground) -> Spread:
     """A change of noise of the sensors of one place that update."""
     response = ground.response
-    rows = np.flatnonzero(np.isin(response.entry, ground.entries))
+    # readings folded together have no scatter of their own to be told
+    least = int(np.max(np.flatnonzero(~ground.alone), initial=-1)) + 1
+    rows = np.flatnonzero(np.isin(response.entry, ground.entries[least:]))
     at = np.searchsorted(ground.entries, response.entry[rows])
-    curve = scatter_curve(response.e[rows], at, len(ground.entries))
-    start = max(int(np.argmax(curve)), int(ground.at[-MOST:][0]))
+    curve = scatter_curve(response.e[rows], at - least, len(ground.entries) - least)
+    curve = np.concatenate((np.zeros(least), curve))
+    start = max(int(np.argmax(curve)), int(ground.at[-MOST:][0]), least)
     own = slice(int(ground.first[start]), None)
     gram, matched = ground.gram[own, own], ground.matched[own]
     wide = np.zeros((len(matched), len(matched)))
@@ -91,7 +94,9 @@ def fit_spread(ground: Ground) -> Spread:
         wide[place : place + dof, place : place + dof] = response.noise[k, :dof, :dof]
         place += dof
     return Spread(
-        int(ground.entries[np.argmax(curve)]), *fit_factor(wide.T @ gram @ wide, wide.T @ matched), curve
+        int(ground.entries[max(int(np.argmax(curve)), least)]),
+        *fit_factor(wide.T @ gram @ wide, wide.T @ matched),
+        curve,
     )
 
 

@@ -46,7 +46,6 @@ def tolerate(response: Response, tolerance: Mapping[Suspect, float]) -> Response
         response,
         e=e,
         impulses=impulses,
-        gram=impulses.T @ impulses,
         matched=impulses.T @ e,
         filtered=filtered,
     )
@@ -69,6 +68,9 @@ def _scatter(response: Response, tolerance: Mapping[Suspect, float]) -> Matrix |
 def _columns(response: Response, suspect: Suspect) -> tuple[Integers, Matrix]:
     """Columns through which a suspect errs, and their times, s."""
     if suspect.is_input:
-        return response.held[:, suspect.channel], response.t_s
-    own = (response.sensor == suspect.sensor) & (response.raw[:, suspect.channel] >= 0)
-    return response.raw[own, suspect.channel], response.t_s[own]
+        columns, t_s = response.held[:, suspect.channel], response.t_s
+    else:
+        own = (response.sensor == suspect.sensor) & (response.raw[:, suspect.channel] >= 0)
+        columns, t_s = response.raw[own, suspect.channel], response.t_s[own]
+    found, into = np.unique(columns, return_inverse=True)
+    return found, np.bincount(into, t_s) / np.bincount(into)

@@ -26,7 +26,7 @@ PROPERTIES: dict[str, dict[str, object]] = {
     },
     "fusiond.Control": {
         "t": TIME, "seq": SEQ, "epoch": {}, "u": NAMED, "valid": {"type": "boolean"},
-        "age_s": {"type": "number"}, "level": {},
+        "age_s": {"type": "number"}, "level": {}, "cost": {},
     },
     "fusiond.Health": {
         "t": TIME, "seq": SEQ, "service": {"type": "string"}, "sensors": {"type": "object"},

@@ -16,6 +16,9 @@ from fusiond.engine.records import HAS_ARRIVAL
 from fusiond.recording.fault_words import fault_text
 from fusiond.service.admin import Admin
 from fusiond.service.clock import Clock
+from fusiond.service.command_output import CommandOutput, fallback_of
+from fusiond.service.command_watch import CommandWatch
+from fusiond.service.cost_watch import CostWatch
 from fusiond.service.counters import Counters
 from fusiond.service.health_watch import HealthWatch, Transition
 from fusiond.service.intake import Intake
@@ -89,6 +92,7 @@ class Daemon:
         self._bell: SimpleQueue[None] = SimpleQueue()
         self.mailbox = Mailbox(self.settings.ring, self._work)
         self._opened: Sessions | None = None
+        self._command_watch: CommandWatch | None = None
         self._threads_end: list[Callable[[float], bool]] = []
 
     def stop(self) -> None:
@@ -147,9 +151,10 @@ class Daemon:
         self._notifier.stopping()
         if self._opened is None:
             return True
+        ended = [self._command_watch is None or self._command_watch.close(JOIN_S)]
         with self.mailbox.baton:
             self._opened.close()
-        ended = [end(JOIN_S) for end in self._threads_end]
+        ended += [end(JOIN_S) for end in self._threads_end]
         return all(ended)
 
     def round(self) -> None:
@@ -171,10 +176,16 @@ class Daemon:
 
     def _open_keys(self) -> None:
         settings, layout = self.settings, self.assembly.layout
+        self._cost = CostWatch(self.assembly, self.engine)
+        self._commands = CommandOutput(
+            self.sessions.control, layout, settings.prefix, epoch=self.epoch, packed=settings.packed,
+            fallback=fallback_of(self.assembly.design[0]), say=self._say if self._recorder else None,
+            costs=self._cost.told,
+        )  # fmt: skip
         self._outputs = Outputs(
             self.sessions.control, layout, settings.prefix, epoch=self.epoch, publish_hz=settings.publish_hz,
             record_hz=settings.record_hz, packed=settings.packed, derived=self.engine.outputs,
-            say=self._say if self._recorder else None,
+            commands=self._commands, say=self._say if self._recorder else None,
         )  # fmt: skip
         self._locals = LocalOutputs(
             self.sessions.control, self.engine, settings.prefix, epoch=self.epoch, publish_hz=settings.publish_hz,
@@ -194,6 +205,9 @@ class Daemon:
         self._token: zenoh.LivelinessToken = self.sessions.control.liveliness().declare_token(
             f"{settings.prefix}/alive/fusion/{self.sessions.control.zid()}"
         )
+        if settings.deadline_s is not None:
+            self._command_watch = CommandWatch(self._commands, round(settings.deadline_s * 1e9), self.clock)
+            self._command_watch.start()
         self._notifier.ready()
 
     def _work(self, arrivals: list[Arrival]) -> None:
@@ -220,6 +234,8 @@ class Daemon:
             self._outputs.transition(change)
             self._tell(change)
             self._housekeeping_due_ns = 0
+        if changes:
+            self._cost.observe(self._watch.sensors)
         for text in self._nodes.observe(self._watch.sensors):
             self.voice.info(text, t_s=int(reports["t_ns"][-1]) / 1e9)
         if self._recorder is not None:
@@ -250,6 +266,7 @@ class Daemon:
         self._housekeeping_due_ns = now_ns + HOUSEKEEPING_NS
         self._outputs.health(int(self.engine.desk["newest_t_ns"][0]), self._watch)
         self._outputs.look_who_asks()
+        self._cost.observe(self._watch.sensors)
         self._locals.look_who_asks()
         self._counters.rate(now_ns)
         self._complain(now_ns)
@@ -262,6 +279,12 @@ class Daemon:
                 f"intake: {count} refused as {verdict.label}, the first from {first}; correct the sender",
             )  # fmt: skip
         dropped = self.mailbox.dropped
+        missed = self._commands.missed
+        self._complain_of(
+            "late", missed, now_ns,
+            f"control: {missed} safe commands sent because the loop was late (limit {self.settings.deadline_s} s); "
+            "lighten the load, or raise control.deadline_s",
+        )  # fmt: skip
         self._complain_of(
             "dropped", dropped, now_ns,
             f"intake: {dropped} puts dropped (limit {self.mailbox.capacity} waiting); pack several readings in a put, "
@@ -301,6 +324,10 @@ class Daemon:
             parity=self._locals.status(), repairs=self.engine.repairs, guard=self.engine.guard(),
             state_sha256=self.engine.state_sha256(),
             recorder=self._recorder, noise=learnt(self.engine),
+            control={
+                "level": self._commands.level, "commands": self._commands.count, "missed": self._commands.missed,
+                **self._cost.told(),
+            },
         ) | self._part_status()  # fmt: skip
 
     def _part_status(self) -> dict[str, Any]:

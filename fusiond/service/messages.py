@@ -14,11 +14,13 @@ from typing import Any
 
 import orjson
 
+from fusiond.control.levels import Level
 from fusiond.engine.layout import Layout
 from fusiond.recording.fault_words import FaultObject, fault_object
 from fusiond.types import Action, Health, ServiceHealth, Verdict
 
 SERVICE_LABELS = [health.label for health in ServiceHealth]
+LEVEL_LABELS = [level.label for level in Level]
 HEALTH_LABELS = [health.label for health in Health]
 INVALID = ServiceHealth.INVALID.label
 
@@ -75,7 +77,7 @@ class ControlMessage:
         self._names = [slot.name for slot in layout.controls]
 
     def content(
-        self, t_ns: int, seq: int, epoch: int, u: Sequence[float], valid: bool, age_s: float, service: int
+        self, t_ns: int, seq: int, epoch: int, u: Sequence[float], valid: bool, age_s: float, level: int
     ) -> Message:
         """One command.
 
@@ -83,7 +85,7 @@ class ControlMessage:
             u: what the actuator should do; where it is not finite: zeros, not valid.
             valid: whether it may be followed.
             age_s: from the last reading that corrected the state to the command.
-            service: health of the service, which is the command's `level`.
+            level: of the command (`control.levels.Level`); safe where the command is not finite.
         """
         sound = all(map(math.isfinite, u))
         values = u if sound else (0.0,) * len(u)
@@ -91,7 +93,7 @@ class ControlMessage:
             "u": dict(zip(self._names, values, strict=True)),
             "valid": valid and sound,
             "age_s": age_s,
-            "level": SERVICE_LABELS[service],
+            "level": LEVEL_LABELS[level if sound else Level.SAFE],
         }
 
 

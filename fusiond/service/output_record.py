@@ -1,10 +1,10 @@
 """Estimate and control as packed records, for consumers that count microseconds (`service.format = "record"`).
 
 `<4sBBHQQqQ` magic `FUSE` (estimate) or `FUSC` (control), version (2, 1), health of the service (0 nominal, 1 degraded,
-2 dead reckoning, 3 invalid), count n, u64 seq, u64 epoch, i64 t_ns, u64 resets (estimate) or valid (control); then
-f64 state[n], std[m], jump[m] (estimate; the last reset's, zeros before the first) or u[n], age_s (control); u32 CRC-32
-of all before. Names and order of the numbers are those of the configuration (ask `config`). An estimate that is not
-finite has no state and std, n = 0, and health 3.
+2 dead reckoning, 3 invalid; of a command its level, 3 safe), count n, u64 seq, u64 epoch, i64 t_ns, u64 resets
+(estimate) or valid (control); then f64 state[n], std[m], jump[m] (estimate; the last reset's, zeros before the first)
+or u[n], age_s (control); u32 CRC-32 of all before. Names and order of the numbers are those of the configuration (ask
+`config`). An estimate that is not finite has no state and std, n = 0, and health 3.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from collections.abc import Sequence
 from struct import Struct
 from typing import Any
 
-from fusiond.service.messages import SERVICE_LABELS
+from fusiond.control.levels import Level
+from fusiond.service.messages import LEVEL_LABELS, SERVICE_LABELS
 from fusiond.types import ServiceHealth
 
 ESTIMATE_ENCODING = "application/octet-stream;fusiond.estimate.v2"
@@ -23,7 +24,7 @@ CONTROL_ENCODING = "application/octet-stream;fusiond.control.v1"
 HEADER = Struct("<4sBBHQQqQ")
 CRC = Struct("<I")
 VERSIONS = {b"FUSE": 2, b"FUSC": 1}
-INVALID = int(ServiceHealth.INVALID)
+INVALID, SAFE = int(ServiceHealth.INVALID), int(Level.SAFE)
 
 
 def encode_estimate(
@@ -38,12 +39,12 @@ def encode_estimate(
 
 
 def encode_control(
-    t_ns: int, seq: int, epoch: int, u: Sequence[float], valid: bool, age_s: float, service: int
+    t_ns: int, seq: int, epoch: int, u: Sequence[float], valid: bool, age_s: float, level: int
 ) -> bytes:
-    """One command; one that is not finite goes out as zeros, not valid."""
+    """One command; one that is not finite goes out as zeros, not valid, at the level safe."""
     if not all(map(math.isfinite, u)):
-        u, valid = [0.0] * len(u), False
-    body = HEADER.pack(b"FUSC", VERSIONS[b"FUSC"], service, len(u), seq, epoch, t_ns, int(valid))
+        u, valid, level = [0.0] * len(u), False, SAFE
+    body = HEADER.pack(b"FUSC", VERSIONS[b"FUSC"], level, len(u), seq, epoch, t_ns, int(valid))
     return _sealed(body + Struct(f"<{len(u) + 1}d").pack(*u, age_s))
 
 
@@ -72,7 +73,7 @@ def decode_output(payload: bytes) -> dict[str, Any]:
         "u": numbers[:n],
         "valid": bool(extra),
         "age_s": numbers[n],
-        "level": SERVICE_LABELS[service],
+        "level": LEVEL_LABELS[service],
     }
 
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.service import output_record
+from fusiond.service.command_output import CommandOutput
 from fusiond.service.health_watch import HealthWatch, Transition
 from fusiond.service.limiter import RateLimiter
 from fusiond.service.messages import (
-    ControlMessage,
     EstimateMessage,
     Message,
     dumps,
@@ -42,23 +42,25 @@ class Outputs:
         session: gives the results out.      prefix: the namespace.
         epoch: ms since 1970 when this process's engine began.
         publish_hz: highest rate of `estimate` and of each `report/SENSOR`, in data time.
-        record_hz: highest rate of estimates told to `say`.
+        record_hz: highest rate of estimates told to `say`.      commands: where commands go.
         packed: estimate and control as records instead of JSON.
         derived: numbers derived from a state vector, by name.
     """
 
     def __init__(
         self, session: zenoh.Session, layout: Layout, prefix: str, *, epoch: int, publish_hz: float,
-        record_hz: float, packed: bool, derived: Callable[[Any], dict[str, float]], say: Say | None = None,
+        record_hz: float, packed: bool, derived: Callable[[Any], dict[str, float]], commands: CommandOutput,
+        say: Say | None = None,
     ) -> None:  # fmt: skip
         self.layout = layout
         self.epoch = epoch
         self.latest: Message | None = None
-        self._seq = {"estimate": 0, "control": 0, "health": 0, "event": 0}
+        self.commands = commands
+        self._seq = {"estimate": 0, "health": 0, "event": 0}
         self._packed = packed
         self._derived = derived if layout.outputs else None
         self._say = say
-        self._estimate_message, self._control_message = EstimateMessage(layout), ControlMessage(layout)
+        self._estimate_message = EstimateMessage(layout)
         self._limit, self._record_limit = RateLimiter(publish_hz), RateLimiter(record_hz)
         self._record_hz = record_hz
         self._rows = ReportRows(layout)
@@ -66,13 +68,10 @@ class Outputs:
         self._updating = [sensor.role == Role.UPDATE for sensor in layout.sensors] + [False for _ in EVENTS]
         self._update_ns: int | None = None
         self._unobserved = 0
-        estimate, control = (
-            (output_record.ESTIMATE_ENCODING, output_record.CONTROL_ENCODING) if packed else (JSON, JSON)
-        )
+        estimate = output_record.ESTIMATE_ENCODING if packed else JSON
         levels = zenoh.Priority
         self._publishers = {
             "estimate": declare(session, f"{prefix}/estimate", estimate, levels.INTERACTIVE_HIGH),
-            "control": declare(session, f"{prefix}/control", control, levels.REAL_TIME),
             "health": declare(session, f"{prefix}/health", JSON, levels.DATA_HIGH),
             "event": declare(session, f"{prefix}/event", JSON, levels.DATA_HIGH),
         }
@@ -170,16 +169,7 @@ class Outputs:
         valid, u = self._rows.command(raw, k)
         if self._update_ns is None:
             self._update_ns = t_ns  # counted from the start, as the engine does
-        age_s = max(0, t_ns - self._update_ns) / 1e9
-        seq = self._next("control")
-        message = self._control_message.content(t_ns, seq, self.epoch, u, valid, age_s, service)
-        if self._packed:
-            record = output_record.encode_control(t_ns, seq, self.epoch, u, valid, age_s, service)
-            self._publishers["control"].put(record)
-        else:
-            self._publishers["control"].put(dumps(message))
-        if self._say:
-            self._say("control", dumps(message), t_ns)
+        self.commands.send(t_ns, u, valid, max(0, t_ns - self._update_ns) / 1e9, service)
 
     def _send_reports(self, reports: NDArray[Any]) -> None:
         for number in self._asked:

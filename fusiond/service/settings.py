@@ -8,6 +8,7 @@ from typing import Any
 
 import zenoh
 
+from fusiond.assembly.controlling import command_deadline_s
 from fusiond.config import RESERVED
 from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
@@ -23,6 +24,7 @@ class Settings:
     Args:
         prefix: namespace of every key.      keys: key expression of every sensor, by name.
         role: `alone`, `node` or `center`.      nodes: of a center, the sensors of each.
+        deadline_s: time without a command after which the safe one goes out; None without control.
         sends: of a node, the key on which each of its updating sensors' tracklets go out, by name.
     """
 
@@ -40,6 +42,7 @@ class Settings:
     role: str
     nodes: dict[str, list[str]]
     sends: dict[str, str]
+    deadline_s: float | None
 
 
 def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Sequence[str]) -> Settings:
@@ -63,6 +66,7 @@ def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Seq
         role=service.role,
         nodes=service.nodes if service.role == CENTER else {},
         sends=_sends(config, layout) if service.role == "node" else {},
+        deadline_s=command_deadline_s(config.control, service.tick_hz) if config.control else None,
     )
 
 

@@ -51,12 +51,14 @@ def status(
     counters: Counters, decoder: Decoder, watch: HealthWatch, mailbox: Mailbox, latest: Any,
     parity: dict[str, Any], repairs: int, guard: dict[str, float], state_sha256: str, recorder: Any,
     noise: Mapping[str, Any],
+    control: dict[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
     """The daemon's account of itself.
 
     Args:
         noise: what was learnt of it (`engine.noise_learnt`).
         repairs, guard: what the guard of the covariance did and met (`Engine.guard`; empty where none is needed).
+        control: level of the last command (null before the first), commands so far, deadlines the loop missed, cost.
     """
     recording = None if recorder is None else {"dropped": dict(recorder.dropped), "error": recorder.error}
     return {
@@ -82,6 +84,7 @@ def status(
         "guard": guard,
         "state_sha256": state_sha256,
         "recording": recording,
+        "control": control,
     }
 
 

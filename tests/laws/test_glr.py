@@ -123,6 +123,19 @@ def test_information_is_the_signatures_own(
     assert fit.glr == pytest.approx(0.5 * float(np.sum((w @ size) ** 2)), rel=1e-6)
 
 
+@pytest.mark.parametrize(("plant", "fault", "hypothesis", "input_fault"), CASES[:4] + CASES[6:])
+def test_a_long_window_folds_its_old_readings_and_loses_nothing_of_a_lasting_error(
+    plant: Plant, fault: Mapping[int, Fault], hypothesis: Hypothesis, input_fault: float
+) -> None:
+    """300 readings of each sensor in 128 columns: a bias from the first on differs by its signature, to rounding."""
+    readings = {"readings": 300, "onset": 0}
+    clean, faulty = spoilt(plant, {}, **readings), spoilt(plant, fault, input_fault=input_fault, **readings)
+    fit = scan(clean, [hypothesis])[0]
+    assert len(fit.ground.entries) < 300
+    signature = np.sum(basis(fit.ground, hypothesis, 0), axis=1)
+    np.testing.assert_allclose(faulty.e - clean.e, signature, atol=1e-9 * np.max(np.abs(signature)))
+
+
 def test_errors_of_any_shape_leave_the_filter_without_the_sensor() -> None:
     """Projecting a sensor's readings out leaves the squares of the filter that never heard it."""
     plant = constant_velocity(2)
@@ -180,7 +193,7 @@ def test_the_forecast_knows_the_angle_between_two_biases(plant: Plant, sine2: fl
         fit_signature(ground, Hypothesis(Kind.BIAS, ((Suspect(sensor, 0, False),),)))
         for sensor, ground in enumerate(grounds)
     )
-    apart = separate(one, other, 400 * sensors)
+    (apart,) = separate(one, [other], [400 * sensors])
     assert apart.sine2 == pytest.approx(sine2, abs=0.01 if sine2 else 1e-6)
 
 

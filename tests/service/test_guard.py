@@ -36,7 +36,9 @@ SETTINGS = {
 def config_of(recursion: str) -> str:
     """configs/reference_plant.toml at the seed's singular start, its sensors nearly perfect."""
     text = (PROJECT / "configs" / "reference_plant.toml").read_text(encoding="utf-8")
-    text = text[: text.index("[faults]")]  # found by the compiled step alone
+    text = text[
+        : text.index("[faults]")
+    ]  # a plain step has an overseer for it, which is not what this is about
     rows = [[2.3 * a * b for b in B] for a in B]
     begin, stop = text.index("std = { x1"), text.index("[sensor.applied]")
     text = f"{text[:begin]}covariance = {rows}\n{text[stop:]}"

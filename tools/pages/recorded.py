@@ -21,6 +21,7 @@ from fusiond.types import NANOSECONDS, Role, Verdict
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 SOURCES = {
+    "commonroad_maneuvers": "dlc_60kmh.csv",
     "jackal": "test2.bag",
     "dresden_car": "2014-03-26-000-Data.csv",
     "udacity_laser_radar": "obj_pose-laser-radar-synthetic-ekf-input.txt",

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from tools.pages import seed_004_faults
 from tools.pages.seed_004_rows import SECTIONS
 from tools.pages.seed_row import Row
 from tools.pages.seeds import DOCS, HEADER, differences
@@ -25,7 +26,7 @@ def page() -> str:
     for name, rows in SECTIONS.items():
         table = HEADER + "\n".join(row.written() for row in rows())
         text = text.replace(f"{{{{{name}}}}}", table)
-    return text
+    return text.replace("{{faults}}", seed_004_faults.table())
 
 
 def cheap_rows() -> list[Row]:

@@ -19,12 +19,14 @@ from pathlib import Path
 from tools.bench import table
 from tools.scoreboard.adaptation import adaptation_faults_part, adaptation_part
 from tools.scoreboard.board import FULL, QUICK, Effort, Part, Result
+from tools.scoreboard.control import control_part
 from tools.scoreboard.delays import reference_part, white_part
 from tools.scoreboard.drifts import drift_part
 from tools.scoreboard.exclusion import exclusion_part
 from tools.scoreboard.false_alarms import promise_part, wrong_noise_part
 from tools.scoreboard.information import finite_part
 from tools.scoreboard.levels import levels_part
+from tools.scoreboard.loops import loops_part
 from tools.scoreboard.naming import naming_part
 from tools.scoreboard.outages import outages_part
 
@@ -33,6 +35,7 @@ PARTS: dict[str, Part] = {
     "finite": finite_part, "drift": drift_part, "naming": naming_part,
     "exclusion": exclusion_part, "outages": outages_part, "levels": levels_part,
     "adaptation": adaptation_part, "adaptation-faults": adaptation_faults_part,
+    "control": control_part, "loops": loops_part,
 }  # fmt: skip
 
 

@@ -59,13 +59,14 @@ What the methods are, and what the figures mean: [adaptation.md](adaptation.md).
 
 ADAPTATION = "5.adapt."
 """Beginning of the identity of every row about adaptation."""
+OTHER_PAGES = ("5.control.", ADAPTATION)
+"""Rows that have a page of their own: docs/control.md."""
 
 
 def under(rows: list[Row], *prefixes: str) -> str:
     """The rows whose identity begins with one of these, as a table."""
-    return table(
-        [row for row in rows if row.id.split(".")[0] in prefixes and not row.id.startswith(ADAPTATION)]
-    )
+    ours = [row for row in rows if not row.id.startswith(OTHER_PAGES)]
+    return table([row for row in ours if row.id.split(".")[0] in prefixes])
 
 
 def write(path: Path, result: Result, quick: bool = False) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 from fusiond.engine.step.adapt import begin_noise
 from fusiond.engine.step.apply import drive, repeats
+from fusiond.engine.step.decided import corrected, is_excluded
 from fusiond.engine.step.sizes import FILTERS
 from fusiond.numerics.ud import ud_compose
 from fusiond.types import Role, Verdict
@@ -15,6 +16,7 @@ from .correct import correct
 INPUT = int(Role.INPUT)
 USED = int(Verdict.USED)
 HELD = int(Verdict.HELD)
+EXCLUDED = int(Verdict.EXCLUDED)
 
 
 def start(track: Any, design: Any, t_ns: int) -> None:
@@ -43,10 +45,15 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
         report.verdict = HELD
         return
     report.verdict = USED
+    if is_excluded(track, sensor, reading.t_ns):
+        report.verdict = EXCLUDED
+        return
+    given = corrected(track, design, reading, work.spare)
     if design.role[sensor] == INPUT:
-        drive(track, design, work, reading, report)
+        drive(track, design, work, given, report)
     else:
-        correct(track, design, work, reading, report)
+        correct(track, design, work, given, report)
+        report.R_declared /= 1.0 + track.reaction.noise_excess[sensor]
         track.update_ns = reading.t_ns
     track.sensor_seen[sensor] = 1
     length = design.length[sensor]

@@ -18,7 +18,7 @@ from fusiond.fusion.centralized import stacked, update_averaged
 
 from .choices import TOPOLOGY
 from .circle import wrap
-from .looking import describe, look
+from .looking import describe, gated, look
 from .recursion import condition, guarded
 
 
@@ -74,5 +74,7 @@ def correct(track: Any, design: Any, work: Any, reading: Any, report: Any) -> No
     track.x[0], track.P[0] = track.batch_x, track.batch_P
     seen = look(track, design, work, 0, reading)
     describe(seen, track.P[0], work, report)
-    put(track, reading.sensor, seen)
-    fuse(track, design)
+    if not gated(design, reading, report):
+        put(track, reading.sensor, seen)
+    if track.batch_size > 0:
+        fuse(track, design)

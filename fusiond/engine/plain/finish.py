@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.engine.step.finish import describe_faults, describe_resets, judge_health, steer
+from fusiond.engine.step.finish import describe_faults, describe_resets, judge_health
 from fusiond.engine.step.sizes import CONTROLS
+from fusiond.engine.step.steer import steer
 
 
 def describe_state(track: Any, report: Any) -> bool:
@@ -25,4 +26,4 @@ def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None
     judge_health(track, design, now_ns, finite, report)
     describe_faults(track, design, report)
     if CONTROLS > 0 and track.started:
-        steer(desk, design, now_ns, report)
+        steer(track, desk, design, now_ns, report)

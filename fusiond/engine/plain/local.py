@@ -13,7 +13,7 @@ from fusiond.fusion.information_sum import absorb
 
 from .choices import TOPOLOGY
 from .circle import wrap
-from .looking import describe, look
+from .looking import describe, gated, look
 from .master import merge_rows, restart_locals
 from .predict import predict
 from .recursion import condition, guarded
@@ -26,6 +26,8 @@ def correct(track: Any, design: Any, work: Any, reading: Any, report: Any) -> No
     central, x_before = look(track, design, work, 0, reading, corrects=False), track.x[row].copy()
     seen = look(track, design, work, row, reading)
     describe(Innovation(central.nu, central.H, seen.R), track.P[0], work, report)
+    if gated(design, reading, report):
+        return
     x, P = condition(track, design, track.x[row], track.P[row], seen)
     track.x[row], track.P[row] = wrap(design, x), P
     if TOPOLOGY == "information_sum":

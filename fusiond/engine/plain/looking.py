@@ -8,6 +8,9 @@ import numpy as np
 
 from fusiond.engine.step.update import innovate, load_noise
 from fusiond.filters.innovation import Innovation, Matrix, Vector
+from fusiond.types import Verdict
+
+GATED = int(Verdict.GATED)
 
 from .noise import declared, trusted
 
@@ -23,6 +26,7 @@ def look(track: Any, design: Any, work: Any, row: int, reading: Any, *, corrects
     load_noise(reading, design, work)
     if corrects:
         trusted(track, design, work, row, reading, track.P[row])
+    work.R_d[:m] *= 1.0 + track.reaction.noise_excess[reading.sensor]
     U = np.triu(work.R_U[:m, :m], 1) + np.eye(m)
     return Innovation(work.nu[:m].copy(), work.H[:m].copy(), (U * work.R_d[:m]) @ U.T)
 
@@ -38,6 +42,18 @@ def describe(seen: Innovation, P: Matrix, work: Any, report: Any) -> None:
     report.S[:m] = np.diagonal(seen.H @ P @ seen.H.T + seen.R)
     report.e[:m] = whitened(seen, P, work.R_U[:m, :m], work.R_d[:m])
     report.nis = float(report.e[:m] @ report.e[:m])
+
+
+def gated(design: Any, reading: Any, report: Any) -> bool:
+    """Whether noise cannot explain the reading just described, so that it is not used. Writes report.limit, verdict."""
+    gate = design.tests.gate[reading.sensor]
+    if gate <= 0.0:
+        return False
+    report.limit = gate
+    if report.nis <= gate:
+        return False
+    report.verdict = GATED
+    return True
 
 
 def whitened(seen: Innovation, P: Matrix, R_U: Matrix, R_d: Vector) -> Vector:

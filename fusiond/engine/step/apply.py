@@ -10,13 +10,15 @@ from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
 
 from .adapt import begin_noise
-from .monitor import corrected, fall_back, is_excluded, note_input
+from .feed import stand_in
+from .monitor import corrected, fall_back, is_excluded, note_held, note_input
 from .pending import nothing_pending
 from .predict import follow
 from .silence import note_gap
-from .sizes import FILTERS, SENSORS
-from .update import correct
+from .sizes import FEEDS, FILTERS, SENSORS
+from .update import correct, innovate
 
+APPLIED = int(Role.APPLIED)
 INPUT = int(Role.INPUT)
 PREVIOUS = int(Hold.PREVIOUS)
 USED = int(Verdict.USED)
@@ -108,6 +110,8 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
     track.sensor_t_ns[sensor] = reading.t_ns
     if repeats(track, design, reading):
         report.verdict = HELD
+        innovate(track, design, work, CENTRAL, reading)
+        note_held(track, design, work, reading)
         return
     report.verdict = USED
     given = corrected(track, design, reading, work.spare)
@@ -118,6 +122,8 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
         else:
             note_input(track, design, work, given)
             drive(track, design, work, given, report)
+    elif FEEDS > 0 and design.role[sensor] == APPLIED:
+        stand_in(track, design, work, given)
     else:
         update(track, design, work, given, report)
     track.sensor_seen[sensor] = 1

@@ -11,9 +11,9 @@ from fusiond.numerics.ud import ud_variance
 from fusiond.types import Health, Kind, ServiceHealth
 
 from .guard import unobserved_states
-from .law import command
 from .silence import is_silent, silent_since, unsteady
 from .sizes import CONTROLS, ERRORS, SENSORS, STATES
+from .steer import steer
 
 HEALTHY = int(Health.HEALTHY)
 SILENT = int(Health.SILENT)
@@ -82,24 +82,6 @@ def describe_faults(track: Any, design: Any, report: Any) -> None:
 
 
 @kernel
-def steer(desk: Any, design: Any, now_ns: int, report: Any) -> None:
-    """Compute a command when one is due, from the state in the report; times of commands lie on a regular grid."""
-    if desk.command_started and now_ns < desk.command_due_ns:
-        return
-    if not desk.command_started:
-        desk.command_due_ns = now_ns
-        desk.command_started = 1
-    periods = (now_ns - desk.command_due_ns) // design.control_period_ns + 1
-    desk.command_due_ns += periods * design.control_period_ns
-    report.command_due = 1
-    if desk.has_reference and report.service != INVALID:
-        command(report.x, desk.reference, design.law_at, design.c, desk.command)
-        report.command_valid = 1
-    for i in range(CONTROLS):
-        report.command[i] = desk.command[i]
-
-
-@kernel
 def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None:
     """Complete the report of one reading or tick."""
     finite = describe_state(track, report)
@@ -108,4 +90,4 @@ def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None
     judge_health(track, design, now_ns, finite, report)
     describe_faults(track, design, report)
     if CONTROLS > 0 and track.started:
-        steer(desk, design, now_ns, report)
+        steer(track, desk, design, now_ns, report)

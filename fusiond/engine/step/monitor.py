@@ -42,6 +42,11 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
+def take_for_usual(track: Any, sensor: int, value: float) -> None:
+    """What an input of one number is taken to be while it is out."""
+
+
+@kernel
 def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
     """An input is about to drive the prediction."""
 
@@ -50,6 +55,16 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
 def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
     """The reading with the known error of its sensor taken off."""
     return reading
+
+
+@kernel
+def note_held(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """A sensor that holds its last value between fixes has sent it once more; work.h: what it should read."""
+
+
+@kernel
+def undelay(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Add to work.nu what is known of the delay with which the reading was stamped."""
 
 
 @kernel

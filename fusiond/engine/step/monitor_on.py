@@ -6,18 +6,20 @@ from typing import Any
 
 import numpy as np
 
+from fusiond.faults.window import ODD
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Alarm, Role
 
+from .decided import corrected, is_excluded, undelay
 from .inject import between
 from .signatures import bank, carry, forget_interval
 from .silence import is_silent
 from .sizes import ERRORS, INPUTS, SENSORS, STATES, WINDOW
-from .spread_tests import ask, clear_tests, test_frozen, test_scatter, variance_gain
+from .spread_tests import FROZEN, ask, clear_tests, moved, test_frozen, test_scatter, variance_gain
 
 __all__ = [
     "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
-    "is_excluded", "note_input", "note_unusable",
+    "is_excluded", "note_held", "note_input", "note_unusable", "undelay",
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
@@ -29,6 +31,8 @@ PATIENT = 6.9
 """Log likelihood ratio at which an excluded sensor is believed healed: one in a thousand that it is not."""
 SHORTEST_S = 1e-4
 """A missing input's noise is spread over no shorter an interval."""
+SHORTEST_HOLD, HELD_LONGER = 2, 3
+"""A value may be held three times as long as it ever was, and for six readings at least."""
 LARGEST_SLOW = 3.0
 """An innovation this many deviations large, or larger, counts as this in the slow variance."""
 
@@ -75,6 +79,9 @@ def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> No
             line["T"][i, j] = monitor.carried[i, j]
         for j in range(INPUTS):
             line.B[i, j] = monitor.carried[i, ERRORS + j]
+    for j in range(INPUTS):
+        line.odd[j], line.odd_count[j] = monitor.odd[j], monitor.odd_count[j]
+        monitor.odd[j], monitor.odd_count[j] = 0.0, 0
     monitor.entries += 1
 
 
@@ -101,6 +108,7 @@ def after_update(track: Any, design: Any, work: Any, reading: Any, used: bool) -
         work.K[:] = 0.0
     if monitor.entries == 0:
         forget_interval(track)
+    end_hold(monitor, sensor)
     scale_innovations(track, design, work, sensor, dof)
     write_entry(track, work, reading, dof, used)
     bank(track, design, work, sensor, dof)
@@ -137,14 +145,6 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def is_excluded(track: Any, sensor: int, t_ns: int) -> bool:
-    """Whether the sensor's readings of that time are not used."""
-    reaction = track.reaction
-    out = reaction.excluded[sensor] and t_ns >= reaction.out_from_ns[sensor]
-    return bool(out and (reaction.until_ns[sensor] == 0 or t_ns < reaction.until_ns[sensor]))
-
-
-@kernel
 def fall_back(track: Any, design: Any, t_ns: int) -> None:
     """Give inputs that are silent or excluded their usual value, and white noise of `without_var` over a second."""
     interval_s = max((t_ns - track.filter_t_ns[0]) * 1e-9, SHORTEST_S)
@@ -159,33 +159,56 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
+def take_for_usual(track: Any, sensor: int, value: float) -> None:
+    """What an input of one number is taken to be while it is out."""
+    track.monitor.usual[sensor, 0] = value
+
+
+@kernel
+def note_oddity(track: Any, design: Any, sensor: int, channel: int, square: float) -> None:
+    """Keep how far an input was from what it usually is since the last entry."""
+    monitor, number = track.monitor, design.drives[sensor, channel]
+    if number >= 0:
+        monitor.odd[number] = max(monitor.odd[number], square)
+        if square > ODD * ODD:
+            monitor.odd_count[number] += 1
+
+
+@kernel
 def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Learn what the input usually is, and whether it repeats itself."""
+    """Learn what the input usually is and how far it usually is from that, and whether it repeats itself."""
     monitor, sensor = track.monitor, reading.sensor
+    share = design.tests.usual_share[sensor]
     for i in range(design.length[sensor]):
-        if track.sensor_seen[sensor]:
-            monitor.usual[sensor, i] += design.tests.usual_share[sensor] * (
-                reading.z[i] - monitor.usual[sensor, i]
-            )
-        else:
+        if not track.sensor_seen[sensor]:
             monitor.usual[sensor, i] = reading.z[i]
+            monitor.usual_var[sensor, i] = design.R[sensor, i]
+        away, variance = reading.z[i] - monitor.usual[sensor, i], monitor.usual_var[sensor, i]
+        square = away * away / variance if variance > 0.0 else 0.0
+        note_oddity(track, design, sensor, i, square)
+        monitor.usual[sensor, i] += share * away
+        # what is odd tells little of what is usual, but for ever it cannot stay odd
+        monitor.usual_var[sensor, i] += share * variance * (min(square, ODD * ODD) - 1.0)
     test_frozen(track, design, work, reading)
 
 
 @kernel
-def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
-    """The reading with what is known of its sensor's error taken off: (z - offset - drift (t - from)) / gain."""
-    reaction, sensor = track.reaction, reading.sensor
-    for k in range(2):
-        begins, ends = reaction.from_ns[sensor, k], reaction.to_ns[sensor, k]
-        if begins != 0 and begins <= reading.t_ns and (ends == 0 or reading.t_ns < ends):
-            spare[0] = reading
-            since_s = (reading.t_ns - begins) * 1e-9
-            for i in range(design.length[sensor]):
-                error = reaction.offset[sensor, k, i] + reaction.drift[sensor, k, i] * since_s
-                spare[0].z[i] = (reading.z[i] - error) / (1.0 + reaction.gain_error[sensor, k, i])
-            return spare[0]
-    return reading
+def end_hold(monitor: Any, sensor: int) -> None:
+    """Learn from a hold that has ended; one that was a fault teaches no more than it took to be one."""
+    longest = max(monitor.held_longest[sensor], SHORTEST_HOLD)
+    monitor.held_longest[sensor] = max(monitor.held_longest[sensor], min(monitor.held[sensor], longest + 1))
+    monitor.held[sensor] = 0
+
+
+@kernel
+def note_held(track: Any, design: Any, work: Any, reading: Any) -> None:
+    """Ask for judgement where a value is held for longer than it ever is while what it should be has moved on."""
+    monitor, sensor = track.monitor, reading.sensor
+    monitor.held[sensor] += 1
+    longest = max(monitor.held_longest[sensor], SHORTEST_HOLD)
+    if monitor.held[sensor] > HELD_LONGER * longest and moved(track, design, work, sensor):
+        if not is_excluded(track, sensor, reading.t_ns):
+            ask(monitor, FROZEN, sensor)
 
 
 @kernel

@@ -11,17 +11,19 @@ from fusiond.numerics.kernel import entry, kernel
 from fusiond.types import RESET, TICK, Action, Role, Verdict
 
 from .apply import apply
+from .feed import note_applied, write_acting
 from .finish import finish
 from .monitor import awaits_judgement, fall_back, note_unusable
 from .pending import compose
 from .predict import predict
 from .protect import protect
 from .screen import comes_after, note_sequence, same_values, screen, sequence_repeats
-from .sizes import PAYLOAD, SENSORS, SNAPSHOT_EVERY
+from .sizes import FEEDS, PAYLOAD, SENSORS, SNAPSHOT_EVERY
 from .timing import follow_jump, judge_stamp, note_stamp, restart, time_jumped
 
 USED = int(Verdict.USED)
 DUPLICATE = int(Verdict.DUPLICATE)
+CONFLICT = int(Verdict.CONFLICT)
 REFERENCE = int(Role.REFERENCE)
 APPLIED = int(Role.APPLIED)
 NONE = int(Action.NONE)
@@ -67,6 +69,7 @@ def accept(desk: Any, design: Any, reading: Any) -> None:
             for i in range(reading.length):
                 desk.reference[i] = reading.z[i]
     elif is_news(reading.t_ns, desk.applied_t_ns, design.horizon_ns):
+        desk.has_applied = 1
         desk.applied_t_ns = reading.t_ns
         for i in range(reading.length):
             desk.applied[i] = reading.z[i]
@@ -74,11 +77,11 @@ def accept(desk: Any, design: Any, reading: Any) -> None:
 
 @kernel
 def ring_is_full(desk: Any, design: Any, ring: Any) -> bool:
-    """Whether taking one more reading would push out one that a late reading inside the horizon may need."""
+    """Whether one more reading, and the command after it, would push out one that a late reading may need."""
     size = ring.shape[0]
-    if desk.ring_count < size:
+    if desk.ring_count + FEEDS < size:
         return False
-    oldest_needed = ring[(desk.ring_first + SNAPSHOT_EVERY) % size]
+    oldest_needed = ring[(desk.ring_first + SNAPSHOT_EVERY + FEEDS) % size]
     return bool(oldest_needed.t_ns >= desk.newest_t_ns - design.horizon_ns)
 
 
@@ -99,6 +102,17 @@ def place_of(desk: Any, ring: Any, reading: Any) -> int:
             return -1
         scan -= 1
     return int(place)
+
+
+@kernel
+def contradicts(desk: Any, ring: Any, reading: Any) -> bool:
+    """Whether the reading of its sensor with the same sequence number, if it is still known, said something else."""
+    size = ring.shape[0]
+    for k in range(desk.ring_first + desk.ring_count - 1, desk.ring_first - 1, -1):
+        other = ring[k % size]
+        if other.sensor == reading.sensor and other.seq == reading.seq:
+            return other.t_ns != reading.t_ns or not same_values(other, reading)
+    return False
 
 
 @kernel
@@ -149,6 +163,9 @@ def take(
         return -1
     if sequence_repeats(desk, reading):
         report.verdict = DUPLICATE
+        if contradicts(desk, ring, reading):
+            report.verdict = CONFLICT
+            note_unusable(track, reading, False)
         return -1
     role = design.role[reading.sensor]
     if role == REFERENCE or role == APPLIED:
@@ -167,6 +184,7 @@ def take(
     note_stamp(desk, reading)
     note_sequence(desk, reading)
     insert(desk, ring, reading, place)
+    note_applied(desk, design, reading)
     return place
 
 
@@ -180,6 +198,25 @@ def beginning(desk: Any, place: int, report: Any) -> int:
         report.action = REPLAYED
         return place // SNAPSHOT_EVERY * SNAPSHOT_EVERY
     return place
+
+
+@kernel
+def feed(
+    tracks: Any, desk: Any, design: Any, work: Any, spares: Any, ring: Any, snapshots: Any, marks: Any,
+    now_ns: int,
+) -> None:  # fmt: skip
+    """Drive the prediction with the command that acts from now on, where the configuration wants that."""
+    _, reports, readings = spares
+    if write_acting(desk, design, now_ns, readings[0]):
+        place = desk.ring_first + desk.ring_count
+        if ring[(place - 1) % ring.shape[0]].t_ns > readings[0].t_ns:
+            place = place_of(desk, ring, readings[0])
+        if place >= 0:
+            insert(desk, ring, readings[0], place)
+            first = beginning(desk, place, reports[0])
+            advance_from(
+                tracks, desk, design, work, reports, ring, snapshots, marks, place, first, reports, 0
+            )
 
 
 @entry
@@ -237,4 +274,6 @@ def run(
         finish(ends[0], desk, design[0], now_ns, report)
         if covariances.shape[0] > 0:
             compose(tracks[0], covariances[k])
+        if FEEDS > 0 and report.command_due:
+            feed(tracks, desk, design[0], work, spares, ring, snapshots, marks, now_ns)
     return readings.shape[0]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.engine.records import CENTRAL, HAS_R, HAS_SEQ
+from fusiond.engine.records import CENTRAL, FED, HAS_R, HAS_SEQ
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Role, Verdict
 
@@ -69,11 +69,16 @@ def same_values(a: Any, b: Any) -> bool:
 
 @kernel
 def comes_after(a: Any, b: Any) -> bool:
-    """Whether reading a is processed after b: by stamp, sensor (inputs first), sequence number, then values."""
+    """Whether reading a is processed after b: by stamp, sensor (inputs first), sequence number, then values.
+
+    A command stands before what the actuator says of it.
+    """
     if a.t_ns != b.t_ns:
         return bool(a.t_ns > b.t_ns)
     if a.sensor != b.sensor:
         return bool(a.sensor > b.sensor)
+    if a["flags"] & FED != b["flags"] & FED:
+        return bool(b["flags"] & FED != 0)
     if a.seq != b.seq:
         return bool(a.seq > b.seq)
     for i in range(PAYLOAD):

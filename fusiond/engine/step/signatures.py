@@ -5,6 +5,8 @@ turns that into eps + K (f - H eps), the prediction into F eps (and F eps + B g 
 cell of the bank carries the eps of a unit fault that began when the cell last started anew, so the likelihood ratio it
 accumulates is the exact one for that fault, in transients, on time-varying and on linearised systems alike.
 
+A cell of a scale errs by h, one of a delay by minus its rate of change, in all channels at once.
+
 Source: Willsky & Jones 1976, with the onset left to the restarts of a CUSUM (Page 1954).
 """
 
@@ -14,11 +16,12 @@ from typing import Any
 
 from fusiond.engine.records import CENTRAL
 from fusiond.numerics.kernel import kernel
-from fusiond.types import Alarm
+from fusiond.types import Alarm, Kind
 
 from .sizes import CELLS, ERRORS, INPUTS, SENSORS
 
 CELL = int(Alarm.CELL)
+SCALE, DELAY = int(Kind.SCALE), int(Kind.DELAY)
 SINGLE = 0.9
 """No single reading carries a cell further than this share of its threshold: one bad sample is no fault."""
 
@@ -81,8 +84,17 @@ def weigh(track: Any, design: Any, work: Any, sensor: int, channel: int) -> None
     rho = work.rho
     for c in range(CELLS):
         rho[c] = 0.0
+    scale, delay = 0.0, 0.0
+    for i in range(design.dof[sensor]):
+        scale += work.D[channel, i] * work.h[i]
+        delay -= work.D[channel, i] * work.hdot[i]
     for c in range(tests.first[sensor], tests.last[sensor]):
-        rho[c] = work.D[channel, tests.channel[c]]
+        if tests.kind[c] == SCALE:
+            rho[c] = scale
+        elif tests.kind[c] == DELAY:
+            rho[c] = delay
+        else:
+            rho[c] = work.D[channel, tests.channel[c]]
     for k in range(ERRORS):
         h = work.H[channel, k]
         if h != 0.0:

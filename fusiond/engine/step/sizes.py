@@ -8,6 +8,8 @@ SENSORS = 1
 FILTERS = 2
 PAYLOAD = 1
 CONTROLS = 0
+FEEDS = 0
+"""1 where the command drives the prediction."""
 CELLS = 0
 PROTECTED = 0
 GUARDED = 0

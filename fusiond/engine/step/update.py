@@ -14,7 +14,7 @@ from fusiond.types import Verdict
 from .adapt import declared_variance, fuse_channel, prepare, root_of, scale_slowly, trust
 from .guard import begin_learning, forget_learning, note_learning
 from .inject import settle
-from .monitor import after_look, after_update, before_update
+from .monitor import after_look, after_update, before_update, undelay
 from .observe import observe
 from .pending import keep_pending, put_back_pending
 from .predict import predict
@@ -137,8 +137,10 @@ def meet(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any
         work.R_d[i] *= 1.0 + track.reaction.noise_excess[sensor]
     trust(track, design, work, row, sensor)
     if row == CENTRAL:
-        describe_innovation(track, design, work, reading, report)
         before_update(track, design, work, reading)
+    undelay(track, design, work, reading)
+    if row == CENTRAL:
+        describe_innovation(track, design, work, reading, report)
 
 
 @kernel

@@ -196,11 +196,11 @@ def _table(name: str) -> dict[str, Any]:
     return tomllib.loads((CONFIGS / f"{name}.toml").read_text(encoding="utf-8"))
 
 
-def _three_positions() -> dict[str, Any]:
-    """The constant-velocity plant with three sensors of its position."""
+def _positions(count: int) -> dict[str, Any]:
+    """The constant-velocity plant with so many sensors of its position."""
     table = _table("constant_velocity")
-    for name in ("y2", "y3"):
-        table["sensor"][name] = copy.deepcopy(table["sensor"]["y1"])
+    for k in range(2, count + 1):
+        table["sensor"][f"y{k}"] = copy.deepcopy(table["sensor"]["y1"])
     return table
 
 
@@ -208,6 +208,14 @@ def _drive_in_the_plane() -> dict[str, Any]:
     """GPS, wheel speed and gyro of the planar vehicle."""
     table = _table("planar")
     table["sensor"] = {name: table["sensor"][name] for name in ("gps", "wheel_speed", "gyro")}
+    return table
+
+
+def _smooth_drive() -> dict[str, Any]:
+    """The same for a vehicle that moves as vehicles do, so that its model must allow for more."""
+    table = _drive_in_the_plane()
+    table["model"]["acceleration_noise_m_s2_sqrt_hz"] = 1.0
+    table["model"]["yaw_acceleration_noise_rad_s2_sqrt_hz"] = 0.14
     return table
 
 
@@ -223,8 +231,12 @@ class Plan:
 PLANS: Mapping[str, Plan] = {
     "minicar": Plan(lambda: _table("minicar"), "minicar"),
     "reference_plant": Plan(lambda: _table("reference_plant"), "reference_plant"),
-    "three_positions": Plan(_three_positions, "constant_velocity", (("R", (0.01, 0.01, 0.01)),)),
+    "two_positions": Plan(lambda: _positions(2), "constant_velocity", (("R", (0.01, 0.01)),)),
+    "three_positions": Plan(lambda: _positions(3), "constant_velocity", (("R", (0.01, 0.01, 0.01)),)),
     "plane": Plan(_drive_in_the_plane, "planar", (("aboard", ("gps", "wheel_speed", "gyro")),)),
+    "smooth_plane": Plan(
+        _smooth_drive, "planar", (("aboard", ("gps", "wheel_speed", "gyro")), ("motion", "smooth"))
+    ),
 }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fusiond.engine.records import HAS_SEQ
 from fusiond.types import Health, Kind, Verdict
 from tests.scenarios.faults.drive import lasting, scene
 
@@ -123,3 +124,41 @@ def test_ten_thousand_readings_a_second_have_the_mean_of_one():
     clean, run = stage.drive(60.0), stage.drive(60.0, change=change)
     assert np.isfinite(run.reports["x"]).all()
     assert abs(run.value("position")[-1] - clean.value("position")[-1]) < 0.1
+
+
+def test_two_publishers_on_one_key_are_a_conflict_of_identity():
+    """A second sender numbers its readings as y2 does, 3 m away: refused as a conflict, y2 is garbage; over, it heals."""
+
+    def change(log, layout):
+        log["flags"] |= HAS_SEQ
+        for number in range(len(layout.sensors)):
+            mine = np.flatnonzero(log["sensor"] == number)
+            log["seq"][mine] = np.arange(len(mine))
+        echoed = log[between(log, layout, "y2", 30.0, 33.0)].copy()
+        echoed["z"][:, 0] += 3.0
+        both = np.concatenate((log, echoed))
+        return both[np.argsort(both["t_ns"], kind="stable")]
+
+    run = scene("three_positions").drive(60.0, change=change)
+    assert np.sum(run.reports["verdict"] == Verdict.CONFLICT) == 31
+    verdict = run.named("y2")
+    assert verdict.kind is Kind.GARBAGE, run.story()
+    assert verdict.at_s <= 30.3
+    assert run.last("y2").health is Health.HEALTHY
+    assert not run.blamed("y1")
+
+
+def test_what_is_sent_twice_is_no_conflict():
+    """Every reading of y2 comes twice, word for word: duplicates, and nobody is blamed."""
+
+    def change(log, layout):
+        log["flags"] |= HAS_SEQ
+        for number in range(len(layout.sensors)):
+            mine = np.flatnonzero(log["sensor"] == number)
+            log["seq"][mine] = np.arange(len(mine))
+        both = np.concatenate((log, log[between(log, layout, "y2", 30.0, 33.0)]))
+        return both[np.argsort(both["t_ns"], kind="stable")]
+
+    run = scene("three_positions").drive(60.0, change=change)
+    assert np.sum(run.reports["verdict"] == Verdict.DUPLICATE) == 31
+    assert not run.blamed("y2"), run.story()

@@ -137,10 +137,6 @@ def test_its_own_estimate_is_as_sure_as_it_may_be_while_one_is_out():
     assert np.mean(found) == pytest.approx(2.0, abs=0.6)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="once y2 is out, y1 and y3 are two equal sensors of an integrator: what is left of the second jump names y1",
-)
 def test_two_at_once_are_told_from_the_model():
     """y2 and y3 jump together, apart from each other: whatever is said, y1 alone is right and is not excluded."""
     run = scene("three_positions").drive(60.0, ["y2.bias=0.6@30", "y3.bias=-0.6@30"])
