@@ -79,7 +79,7 @@ class FaultsSection(Section):
     profile: Literal["sharp", "robust"] = "sharp"
     """sharp: noise is as declared, faults are found as early as can be. robust: it may be wrong by a third."""
     window: Annotated[int, Field(ge=16)] = 128
-    """Readings of evidence kept for telling which sensor it is."""
+    """Readings of evidence kept for telling which sensor it is, at least; more where the slowest sensor needs them."""
     protect: list[str] = []
     """States whose estimate carries a protection level: its error is no larger, whichever one correcting sensor is
     wrong and whether or not anybody noticed. Inputs are trusted, and so is `initial` for what one sensor alone sees."""

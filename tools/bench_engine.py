@@ -46,8 +46,8 @@ def linear_matrices(
     return A, np.eye(states), rng.standard_normal((sensors, 3, states))
 
 
-def linear_assembly(states: int, sensors: int, bank: bool) -> Assembly:
-    """A linear configuration with sensors of three numbers each, with or without its leave-one-out bank."""
+def linear_assembly(states: int, sensors: int, bank: bool, watched: bool = False) -> Assembly:
+    """A linear configuration with sensors of three numbers each, with or without its leave-one-out bank, every test."""
     A, G, H = linear_matrices(states, sensors)
     names = json.dumps([f"x{i}" for i in range(states)])
     stds = ", ".join(f"x{i} = 1.0" for i in range(states))
@@ -60,8 +60,10 @@ def linear_assembly(states: int, sensors: int, bank: bool) -> Assembly:
     for k in range(sensors):
         lines += [
             f"[sensor.s{k}]", 'kind = "linear"', f"H = {rows_text(H[k])}",
-            "noise_std = { z0 = 1.0, z1 = 1.0, z2 = 1.0 }",
+            "noise_std = { z0 = 1.0, z1 = 1.0, z2 = 1.0 }", f"rate_hz = {100.0 / sensors}",
         ]  # fmt: skip
+    if watched:
+        lines += ["[faults]"]
     return assemble(parse("\n".join(lines), "bench"))
 
 
@@ -73,6 +75,17 @@ def linear_readings(assembly: Assembly, sensors: int) -> NDArray[Any]:
     readings["sensor"] = np.arange(READINGS) % sensors
     readings["length"] = 3
     readings["z"] = np.random.default_rng(1).standard_normal((READINGS, 3))
+    return readings
+
+
+def healthy_readings(assembly: Assembly, states: int, sensors: int) -> NDArray[Any]:
+    """The same, of a state that moves as the model says: no test has anything to tell of."""
+    A, _, H = linear_matrices(states, sensors)
+    rng, x = np.random.default_rng(2), np.zeros(states)
+    readings = linear_readings(assembly, sensors)
+    for k in range(READINGS):
+        readings["z"][k] = H[k % sensors] @ x + rng.standard_normal(3)
+        x = A @ x + 0.1 * rng.standard_normal(states)
     return readings
 
 
@@ -109,7 +122,9 @@ def bench_step() -> dict[str, float]:
     """The whole step: five filters at 8 states and 4 sensors; one at 15 states, dense and strapdown; FilterPy. us."""
     five = linear_assembly(8, 4, bank=True)
     one = linear_assembly(15, 4, bank=False)
+    watched = linear_assembly(8, 4, bank=True, watched=True)
     return {
+        "watched_us": engine_us(watched.engine(), healthy_readings(watched, 8, 4)),
         "five_us": engine_us(five.engine(), linear_readings(five, 4)),
         "fifteen_us": engine_us(one.engine(), linear_readings(one, 4)),
         "flight_us": flight_engine_us(),

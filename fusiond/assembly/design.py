@@ -68,10 +68,10 @@ def shape_of(resolved: Resolved, filters: int) -> Shape:
         references=len(law.references) if law else 0,
         guarded=len(guarded_slots(resolved)),
         lazy=int(lags(resolved)),
-        adapt=adapt_shape(resolved),
         memory=law.memory if law else 0,
         queue=queue_room(law.queue) if law and law.plan else 0,
         feeds=int(feeding_sensor(resolved) >= 0),
+        adapt=adapt_shape(resolved),
     )
 
 

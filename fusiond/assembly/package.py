@@ -30,8 +30,8 @@ from fusiond.models.contract import Process
 SWAPPED = (
     "process.py", "observe.py", "law.py", "sizes.py", "advance.py", "advance_nonlinear.py", "inject.py",
     "inject_manifold.py", "inject_turning.py", "monitor_on.py", "protect.py", "protect_on.py", "guard.py",
-    "guard_on.py", "pending.py", "pending_on.py", "adapt.py", "adapt_on.py",
-    "levels.py", "levels_on.py", "method.py", "steer.py", "steer_on.py", "feed.py", "feed_on.py",
+    "guard_on.py", "pending.py", "pending_on.py", "steer.py", "steer_on.py", "feed.py", "feed_on.py",
+    "adapt.py", "adapt_on.py", "levels.py", "levels_on.py", "method.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
 STEADY = 20
@@ -128,9 +128,9 @@ def step_sources(
     files["protect.py"] = template["protect_on.py" if shape.protected > 0 else "protect.py"]
     files["pending.py"] = template["pending_on.py" if shape.lazy else "pending.py"]
     files["guard.py"] = template["guard_on.py" if shape.guarded > 0 else "guard.py"]
-    files |= noise_sources(shape, template, method)
     files["steer.py"] = template["steer.py" if law is None else "steer_on.py"]
     files["feed.py"] = template["feed_on.py" if shape.feeds else "feed.py"]
+    files |= noise_sources(shape, template, method)
     if shape.cells > 0:
         files["monitor.py"] = template["monitor_on.py"]
     else:

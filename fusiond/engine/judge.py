@@ -82,7 +82,7 @@ class Judge:
     enough: Callable[[frozenset[int]], bool]
     noise_std: NDArray[np.float64]
     tolerance: dict[Suspect, float]
-    twins: Twins
+    twins: frozenset[frozenset[int]]
     policy: tuple[str, ...]
     replaceable: tuple[bool, ...]
     silence_ns: NDArray[np.int64]
@@ -156,8 +156,7 @@ class Judge:
 
     def _noisy(self, reactions: Reactions, fit: Fit) -> bool:
         """Whether a change of noise is a fault: more than tolerated, or the end of one."""
-        known = self._restless(reactions)
-        if any(reactions.reaction["noise_excess"][one] > 0.0 or one in known for one in fit.place):
+        if set(fit.place) & (self._restless(reactions) | self._weighed_down(reactions)):
             return True
         excess = math.sqrt(max(float(fit.size[0]) ** 2 - 1.0, 0.0))
         members = [suspect for part in fit.hypothesis.parts for suspect in part]
@@ -168,14 +167,13 @@ class Judge:
         )
 
     def _restless(self, reactions: Reactions) -> frozenset[int]:
-        """Sensors that are taken for noisier than declared, whose noise may become less.
+        """Sensors thought noisier than declared, whose noise may become less: not those of a set that is covered."""
+        noisy = frozenset(int(k) for k in np.flatnonzero(reactions.reaction["kind"] == Kind.NOISE))
+        return noisy if reactions.adapts else noisy & self._weighed_down(reactions)
 
-        A set that is covered is not thought noisy, so that less noise is no news of it.
-        """
-        noisy = reactions.reaction["kind"] == Kind.NOISE
-        if not reactions.adapts:
-            noisy = noisy & (reactions.reaction["noise_excess"] > 0.0)
-        return frozenset(int(k) for k in np.flatnonzero(noisy))
+    def _weighed_down(self, reactions: Reactions) -> frozenset[int]:
+        """Sensors that count for less than their noise, as they are found noisy or as their set is covered."""
+        return frozenset(int(k) for k in np.flatnonzero(reactions.reaction["noise_excess"] > 0.0))
 
     def _finding(self, reactions: Reactions) -> Finding:
         """What isolation says about the window now; who is out or silent has nothing to plead."""
@@ -184,8 +182,10 @@ class Judge:
         silent = {int(k) for k in np.flatnonzero((self.silence_ns > 0) & (age_ns > self.silence_ns))}
         out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
+        noisy = self._restless(reactions)
+        covered = self._weighed_down(reactions) - noisy
         seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
-        return isolate(seen, asked, restless=self._restless(reactions), twins=self.twins)
+        return isolate(seen, asked, restless=noisy, twins=Twins(self.twins, covered))
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""

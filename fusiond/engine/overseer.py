@@ -5,6 +5,7 @@ of those that leave one out, exists there alone: a topology with averaged gains 
 innovation whose distribution is known. So a compiled engine runs beside the plain one. What it decides about a sensor
 (left out, corrected, weighed down) is written into the plain track and its snapshots, and the plain readings since the
 onset are applied once more: the plain topology becomes what it would have been, had it known at the onset.
+A delay that cannot be spared is named but not taken off: that needs the rate of h, which only the monitors know.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Overseer:
         self.engine.reset()
 
     def _decided(self) -> NDArray[np.void]:
-        """What the compiled engine has decided; who is out is so from its onset on: no filter here has never heard it."""
+        """What has been decided; who is out is so from the onset on, for every filter here has heard it before."""
         decided = self.engine.track[0]["reaction"].copy()
         always = (decided["excluded"] != 0) & (decided["out_from_ns"] == 0)
         decided["out_from_ns"][always] = decided["onset_ns"][always]

@@ -342,5 +342,5 @@ class Reactions:
                 U, d = np.eye(len(P)), np.zeros(len(P))
                 if interpreted(ud_factor)(P, U, d, 1e-9):
                     self.engine.track[0]["U"][row], self.engine.track[0]["d"][row] = U, d
-        if self._layout.shape.lazy:
-            self.engine.track[0]["pending"][0] = 0  # P holds what was pending
+                    if self._layout.shape.lazy:
+                        self.engine.track[0]["pending"][row] = 0  # P holds what was pending

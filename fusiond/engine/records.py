@@ -76,10 +76,10 @@ class Shape:
     protected: int = 0
     guarded: int = 0
     lazy: int = 0
-    adapt: AdaptShape | None = None
     memory: int = 0
     queue: int = 0
     feeds: int = 0
+    adapt: AdaptShape | None = None
 
     @property
     def monitor(self) -> np.dtype[Any]:
@@ -220,13 +220,13 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     sign; -1: it stays.   guarded: (g,) slots.   covariance_ns: longest that a covariance lags behind its mean.
     step_ns: fixed step of a discrete model, 0 none.  max_step_ns: longest single prediction, 0 unlimited.
     quiet_ns: how long nothing sound must have come before a run of odd stamps can be the new time base.
-    noise: adapt.records, where noise is estimated.
     Of the command: c, law_at (the law's parameters, the states it reads), lowest, highest, slew (limits; change per s),
     fade_ns, safe_mode, safe_command, safe_ramp_ns, reckoning_ns, doubt_ns (longest dead reckoning, longest without a
     sound sensor), largest_std (n,), awaited (s,), command_wait_ns (whom a due command waits for, and how long),
     cost_share (of the newest cost in the mean), queue (commands that wait), feeds (the sensor whose reading a command
     is), acknowledged_ns (how long an acknowledgement stands for the next).
     stands_for: the input that the command replaces while it is out, as gain times command, plus offset, plus a state.
+    noise: adapt.records, where noise is estimated.
     """
     n, s, m, k = shape.errors, shape.sensors, shape.payload, shape.controls
     return record(
@@ -247,13 +247,13 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("quiet_ns", "<i8"),
         ("dead_reckoning_ns", "<i8"), ("invalid_ns", "<i8"),
         ("control_period_ns", "<i8"), ("c", "<f8", (shape.law_parameters,)), ("law_at", "<i8", (shape.slots,)),
-        *([("noise", noise_design_dtype(shape.adapt, sensors=s, payload=m))] if shape.adapt else []),
         ("lowest", "<f8", (k,)), ("highest", "<f8", (k,)), ("slew", "<f8", (k,)), ("fade_ns", "<i8"),
         ("safe_mode", "<i8"), ("safe_command", "<f8", (k,)), ("safe_ramp_ns", "<i8"), ("reckoning_ns", "<i8"),
         ("doubt_ns", "<i8"),
         ("largest_std", "<f8", (n,)), ("awaited", "<i4", (s,)), ("command_wait_ns", "<i8"), ("cost_share", "<f8"),
         ("feeds", "<i8"), ("acknowledged_ns", "<i8"), ("queue", "<i8"),
         ("stands_for", "<i8"), ("stand_gain", "<f8", (k,)), ("stand_offset", "<f8"), ("stand_plus", "<i8"),
+        *([("noise", noise_design_dtype(shape.adapt, sensors=s, payload=m))] if shape.adapt else []),
     )  # fmt: skip
 
 

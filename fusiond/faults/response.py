@@ -9,7 +9,7 @@ and the next entry through eps <- T eps (+ B g for an input that is wrong by g m
 in eps, so every fault is a sum of such impulses: one matrix of their responses serves every hypothesis and every onset.
 
 A window is long enough for its slowest sensor, and then holds many readings of a fast one. Its older readings share
-columns (`fold`): an error that lasts is the same in neighbouring readings, so nothing is lost of it but the exact onset.
+columns (`fold`): an error that lasts is the same in neighbouring readings, so its exact onset alone is lost.
 
 Source: Willsky & Jones 1976 (signatures by recursion); the filter's own gains, so exact in transients.
 """

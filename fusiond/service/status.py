@@ -50,8 +50,7 @@ def status(
     *, config: Any, mode: str, endpoints: tuple[str, ...], epoch: int, uptime_s: float, resets: int,
     counters: Counters, decoder: Decoder, watch: HealthWatch, mailbox: Mailbox, latest: Any,
     parity: dict[str, Any], repairs: int, guard: dict[str, float], state_sha256: str, recorder: Any,
-    noise: Mapping[str, Any],
-    control: dict[str, Any],
+    control: dict[str, Any], noise: Mapping[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
     """The daemon's account of itself.
 

@@ -1,4 +1,4 @@
-"""A multi-body car in manoeuvres, watched: what a linear tyre does not explain is no sensor's fault, a lying gyro is."""
+"""A multi-body car in manoeuvres, watched: what a linear tyre does not explain is no sensor's fault; a bias is."""
 
 from __future__ import annotations
 

@@ -27,12 +27,17 @@ class Watched:
     assembly: Assembly
     log: Path
 
-    def run(self, *faults: str) -> NDArray[Any]:
-        """Reports of a run with these faults injected."""
+    def run(self, *faults: str, until_s: float = np.inf) -> NDArray[Any]:
+        """Reports of a run with these faults injected, up to a time since the first reading."""
         source = open_log(self.log, self.assembly.layout)
         lies = inject_into(source, self.assembly, faults, 0) if faults else source
-        engine = self.assembly.engine()
-        return np.concatenate([engine.process(chunk.copy()).copy() for chunk in lies])
+        engine, begin_ns = self.assembly.engine(), None
+        reports = []
+        for chunk in lies:
+            begin_ns = int(chunk["t_ns"][0]) if begin_ns is None else begin_ns
+            kept = chunk[(chunk["t_ns"] - begin_ns) * 1e-9 <= until_s]
+            reports.append(engine.process(kept.copy()).copy())
+        return np.concatenate(reports)
 
     def named(self, reports: NDArray[Any]) -> set[tuple[str, str]]:
         """Every sensor that was ever called faulty or excluded, with the kind of its fault."""

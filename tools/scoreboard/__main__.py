@@ -25,6 +25,7 @@ from tools.scoreboard.drifts import drift_part
 from tools.scoreboard.exclusion import exclusion_part
 from tools.scoreboard.false_alarms import promise_part, wrong_noise_part
 from tools.scoreboard.information import finite_part
+from tools.scoreboard.kinds import kinds_part
 from tools.scoreboard.levels import levels_part
 from tools.scoreboard.loops import loops_part
 from tools.scoreboard.naming import naming_part
@@ -33,7 +34,7 @@ from tools.scoreboard.outages import outages_part
 PARTS: dict[str, Part] = {
     "promise": promise_part, "wrong-noise": wrong_noise_part, "white": white_part, "reference": reference_part,
     "finite": finite_part, "drift": drift_part, "naming": naming_part,
-    "exclusion": exclusion_part, "outages": outages_part, "levels": levels_part,
+    "exclusion": exclusion_part, "outages": outages_part, "kinds": kinds_part, "levels": levels_part,
     "adaptation": adaptation_part, "adaptation-faults": adaptation_faults_part,
     "control": control_part, "loops": loops_part,
 }  # fmt: skip

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scipy.stats import beta, chi2
+import numpy as np
+from scipy.stats import beta, chi2, t
 
 SURE = 0.95
 """Confidence of every interval."""
@@ -37,3 +39,10 @@ def share(hits: int, of: int) -> Band:
     low = float(beta.ppf(tail, hits, of - hits + 1)) if hits else 0.0
     high = float(beta.ppf(1.0 - tail, hits + 1, of - hits)) if hits < of else 1.0
     return Band(hits / of, low, high)
+
+
+def mean_share(shares: Sequence[float]) -> Band:
+    """Mean of the shares of independent runs whose samples hang together, by how the runs scatter (Student)."""
+    value, runs = float(np.mean(shares)), len(shares)
+    reach = float(t.ppf(0.5 + 0.5 * SURE, runs - 1) * np.std(shares, ddof=1) / np.sqrt(runs))
+    return Band(value, max(0.0, value - reach), value + reach)

@@ -10,9 +10,9 @@ from fusiond.engine.step.update import innovate, load_noise
 from fusiond.filters.innovation import Innovation, Matrix, Vector
 from fusiond.types import Verdict
 
-GATED = int(Verdict.GATED)
-
 from .noise import declared, trusted
+
+GATED = int(Verdict.GATED)
 
 
 def look(track: Any, design: Any, work: Any, row: int, reading: Any, *, corrects: bool = True) -> Innovation:
@@ -24,9 +24,9 @@ def look(track: Any, design: Any, work: Any, row: int, reading: Any, *, corrects
     m = design.dof[reading.sensor]
     innovate(track, design, work, row, reading)
     load_noise(reading, design, work)
+    work.R_d[:m] *= 1.0 + track.reaction.noise_excess[reading.sensor]
     if corrects:
         trusted(track, design, work, row, reading, track.P[row])
-    work.R_d[:m] *= 1.0 + track.reaction.noise_excess[reading.sensor]
     U = np.triu(work.R_U[:m, :m], 1) + np.eye(m)
     return Innovation(work.nu[:m].copy(), work.H[:m].copy(), (U * work.R_d[:m]) @ U.T)
 

@@ -206,9 +206,9 @@ def note_held(track: Any, design: Any, work: Any, reading: Any) -> None:
     monitor, sensor = track.monitor, reading.sensor
     monitor.held[sensor] += 1
     longest = max(monitor.held_longest[sensor], SHORTEST_HOLD)
-    if monitor.held[sensor] > HELD_LONGER * longest and moved(track, design, work, sensor):
-        if not is_excluded(track, sensor, reading.t_ns):
-            ask(monitor, FROZEN, sensor)
+    too_long = monitor.held[sensor] > HELD_LONGER * longest and not is_excluded(track, sensor, reading.t_ns)
+    if too_long and moved(track, design, work, sensor):
+        ask(monitor, FROZEN, sensor)
 
 
 @kernel
