@@ -9,8 +9,8 @@ from tests.recordings.watched import watched
 pytestmark = pytest.mark.recordings("px4_iris")
 # Where the heading is unknown within a radian, as the configuration has it, the magnetometer's first readings are
 # linearised far from the truth: all five are suspected for the first 0.9 s (one set that nothing tells apart), nobody
-# is excluded. The field of the place is what the reference filter starts with and later corrects: 0.02 gauss of it
-# unknown is no fault of the magnetometer. Whoever looks for faults starts at what the magnetometer says at rest, 24.7 degrees, within 0.1 rad.
+# is excluded. Whoever looks for faults starts at what the magnetometer says at rest, 24.7 degrees, within 0.1 rad.
+# The field of the place is what the reference filter starts with and later corrects: 0.02 gauss of it is no fault.
 ALIGNED = {
     "state = { qw = 1.0 }": "state = { qw = 0.9768, qz = 0.2141 }",
     "attitude_z_rad = 0.6": "attitude_z_rad = 0.1",
