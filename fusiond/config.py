@@ -65,6 +65,10 @@ class SensorSection(Section):
     auto: excluded where the other sensors still see every state, else compensated."""
     repeats: Literal["fresh", "held"] = "fresh"
     """Whether an equal value at a new time is fresh evidence, or a driver that repeats its last fix."""
+    adapt_noise: bool = True
+    """Whether its noise is estimated where [adaptation] is asked for; else it is as declared."""
+    resolution: dict[str, NotNegative] = {}
+    """Smallest step of a channel's numbers, by its name with unit: its noise is not believed to be less."""
 
 
 class FaultsSection(Section):
@@ -75,12 +79,76 @@ class FaultsSection(Section):
     profile: Literal["sharp", "robust"] = "sharp"
     """sharp: noise is as declared, faults are found as early as can be. robust: it may be wrong by a third."""
     window: Annotated[int, Field(ge=16)] = 128
-    """Readings of evidence kept for telling which sensor it is."""
+    """Readings of evidence kept for telling which sensor it is, at least; more where the slowest sensor needs them."""
     protect: list[str] = []
     """States whose estimate carries a protection level: its error is no larger, whichever one correcting sensor is
     wrong and whether or not anybody noticed. Inputs are trusted, and so is `initial` for what one sensor alone sees."""
     protect_outside: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] = 1e-5
     """Promised largest probability that an error exceeds its level."""
+
+
+Trapezoid = Annotated[list[float], Field(min_length=4, max_length=4)]
+Rule = Annotated[list[str], Field(min_length=3, max_length=3)]
+
+
+class FuzzySection(Section):
+    """The fuzzy sets and rules of adaptation. A set is a trapezoid: where it begins, is full, is full no more, ends."""
+
+    scatter: dict[str, Trapezoid] = {
+        "far_less": [-3.0, -3.0, -1.5, -0.6],
+        "less": [-1.5, -0.6, -0.6, 0.0],
+        "as_expected": [-0.6, 0.0, 0.0, 0.6],
+        "more": [0.0, 0.6, 0.6, 1.5],
+        "far_more": [0.6, 1.5, 3.0, 3.0],
+    }
+    """Sets of ln(mean square of the innovations / what is expected of it), limited to -3 and 3."""
+    mean: dict[str, Trapezoid] = {
+        "low": [0.0, 0.0, 2.5, 3.5],
+        "high": [2.5, 3.5, 5.0, 5.0],
+    }
+    """Sets of |mean of the innovations| in its own standard deviations, limited to 5."""
+    change: dict[str, Trapezoid] = {
+        "fall_fast": [-1.5, -1.0, -1.0, -0.5],
+        "fall": [-0.9, -0.4, -0.4, 0.1],
+        "hold": [-0.5, 0.0, 0.0, 0.5],
+        "rise": [-0.05, 0.45, 0.45, 0.95],
+        "rise_fast": [0.5, 1.0, 1.0, 1.5],
+    }
+    """Sets of the change of ln R in one reading, in units of `step`."""
+    rules: list[Rule] = [
+        ["far_less", "any", "fall_fast"],
+        ["less", "any", "fall"],
+        ["as_expected", "any", "hold"],
+        ["more", "low", "rise"],
+        ["far_more", "low", "rise_fast"],
+        ["any", "high", "hold"],
+    ]
+    """[scatter, mean, change]; "any" leaves an input out. A mean is a bias, which is no noise: it holds R."""
+    step: Positive = 0.35
+    """Largest change of ln R in one reading."""
+
+
+class AdaptationSection(Section):
+    """Estimating the noise that readings have, which is seldom what is declared."""
+
+    method: Literal["interacting", "variational", "fuzzy", "fuzzy_additive"] = "interacting"
+    """interacting: noise is one of a ladder of levels and jumps now and then. variational: it wanders slowly. fuzzy:
+    rules on how innovations scatter. fuzzy_additive: the published design that the rules descend from, to compare."""
+    floor: Annotated[float, Field(gt=0, le=1)] = 0.01
+    """Smallest variance believed, as a share of the declared one. Never below what `resolution` alone makes."""
+    ceiling: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1e4
+    """Largest variance believed, as a multiple of the declared one."""
+    readings_between_jumps: Annotated[float, Field(gt=1)] = 250.0
+    """How many readings noise stays what it is, on average (interacting); inf: for good."""
+    separate_filters: bool = True
+    """Keep a filter for every few levels where there is one scalar sensor and a small state; else one for all."""
+    window: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 20.0
+    """Readings that an estimate rests on (fuzzy, variational)."""
+    slow_window: Annotated[float, Field(ge=20, allow_inf_nan=False)] = 200.0
+    """Readings that the slow R, by which faults are found, rests on."""
+    largest_change: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 10.0
+    """Factor by which R may change from one reading to the next."""
+    fuzzy: FuzzySection = FuzzySection()
 
 
 class InputSection(SensorSection):
@@ -336,6 +404,8 @@ class Config(Section):
     health: HealthSection = HealthSection()
     faults: FaultsSection | None = None
     """Fault detection; without the section readings are screened and nothing more."""
+    adaptation: AdaptationSection | None = None
+    """Estimation of noise; without the section R is as declared."""
     control: AnyControl | None = None
     """The control law; without it nothing is commanded."""
     service: ServiceSection = ServiceSection()
@@ -375,8 +445,8 @@ def _known_names() -> set[str]:
     """Every name that can stand before an equals sign."""
     sections: list[type[Section]] = [
         *_PROCESS_SECTIONS.values(), *_SENSOR_SECTIONS.values(), *_LAW_SECTIONS.values(), Config, InputSection,
-        InitialSection, FilterSection, FusionSection, HistorySection, HealthSection, FaultsSection, ServiceSection,
-        RecordingSection,
+        InitialSection, FilterSection, FusionSection, HistorySection, HealthSection, FaultsSection, AdaptationSection,
+        FuzzySection, ServiceSection, RecordingSection,
     ]  # fmt: skip
     return {name for section in sections for name in section.model_fields}
 

@@ -13,6 +13,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.assembly.adapting import method_of
 from fusiond.assembly.design import design_of, layout_of
 from fusiond.assembly.detection import Detection
 from fusiond.assembly.expected_cost import Expected, expected_costs
@@ -77,7 +78,9 @@ class Assembly:
         law = source_of(resolved.law_module) if resolved.law_module else None
         process = source_of(resolved.process_module)
         errors = inject_file(resolved.process)
-        files = step_sources(self.layout.shape, process, resolved.process.linear, errors, law, sensors)
+        files = step_sources(
+            self.layout.shape, process, resolved.process.linear, errors, law, sensors, method_of(resolved)
+        )
         if self.layout.plain:
             files = plain_sources(self.config, files, linear=resolved.process.linear)
         return import_package(write_package(files))

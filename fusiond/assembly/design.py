@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.assembly.adapting import adapt_shape, bins_of, fill_noise
 from fusiond.assembly.controlling import feeding_sensor, fill_control, queue_room
 from fusiond.assembly.observability import bears_a_filter
 from fusiond.assembly.plain import LOCAL, is_plain
@@ -43,6 +44,7 @@ def bank_of(resolved: Resolved) -> tuple[FilterLayout, ...]:
             bank += [
                 FilterLayout("only", sensor.name) for sensor in updating if bears_a_filter(resolved, sensor)
             ]
+    bank += [FilterLayout("level", updating[0].name) for _ in range(bins_of(resolved))]
     return tuple(bank)
 
 
@@ -69,6 +71,7 @@ def shape_of(resolved: Resolved, filters: int) -> Shape:
         memory=law.memory if law else 0,
         queue=queue_room(law.queue) if law and law.plan else 0,
         feeds=int(feeding_sensor(resolved) >= 0),
+        adapt=adapt_shape(resolved),
     )
 
 
@@ -211,5 +214,6 @@ def design_of(resolved: Resolved, layout: Layout) -> NDArray[np.void]:
     record["invalid_ns"] = nanoseconds(config.health.invalid_s)
     fill_control(resolved, record)
     fill_turning(resolved, record)
+    fill_noise(resolved, record)
     record["covariance_ns"] = nanoseconds(1.0 / (config.filter.covariance_hz or 1.0))
     return design

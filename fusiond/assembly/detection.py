@@ -128,7 +128,11 @@ def _distinct(curves: tuple[Curve, ...]) -> list[Curve]:
 
 
 def _cells(
-    found: Signatures, ladders: list[Ladder], promise: Promise, tests: float, together: Vector,
+    found: Signatures,
+    ladders: list[Ladder],
+    promise: Promise,
+    tests: float,
+    together: Vector,
     tolerated: list[float],
 ) -> dict[str, list[float]]:
     """Cells of every suspect, sizes ascending, each positive then negative."""

@@ -1,9 +1,9 @@
 """Cells for errors that grow with the motion: a scale, which errs by h, and a delay, by minus the rate of change of h.
 
-Such an error looks like a bias as long as the machine goes on as it does; where it turns to and fro, no bias is like it.
+Such an error looks like a bias as long as the machine goes on as it does; where it turns to and fro, no bias does.
 How much of it shows is decided by the motion, which nobody knows at design time. So the threshold is the one that holds
-whatever the course of the information: a CUSUM of log likelihood ratios runs exp(threshold) readings to a false alarm at
-least (Lorden 1971). Only the sizes are taken from the trial motion, two for each sign, wide apart.
+whatever the course of the information: a CUSUM of log likelihood ratios runs exp(threshold) readings to a false alarm
+at least (Lorden 1971). Only the sizes are taken from the trial motion, two for each sign, wide apart.
 
 A plant whose matrices never change has none: nothing drives what it reads away from where it was linearised. Nor has a
 sensor with a tolerated error.
@@ -30,7 +30,7 @@ OVER = (2.0, 8.0)
 LARGEST_SCALE = 0.5
 """No cell looks for a larger relative error."""
 TESTS_EACH = 2.0
-"""Tests of the usual kind that a sensor's cells are worth: they run longer to a false alarm than their threshold says."""
+"""Tests of the usual kind that a sensor's cells are worth: they run longer to an alarm than their threshold says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,8 @@ def is_stationary(resolved: Resolved) -> bool:
     trial = Trial(resolved)
     here, there = trial.start(), trial.shift(trial.start(), irregular(len(resolved.process.error_slots)))
     return all(
-        np.array_equal(trial.look(sensor, here)[1], trial.look(sensor, there)[1]) for sensor in resolved.updating
+        np.array_equal(trial.look(sensor, here)[1], trial.look(sensor, there)[1])
+        for sensor in resolved.updating
     )
 
 

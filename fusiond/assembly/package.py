@@ -31,6 +31,7 @@ SWAPPED = (
     "process.py", "observe.py", "law.py", "sizes.py", "advance.py", "advance_nonlinear.py", "inject.py",
     "inject_manifold.py", "inject_turning.py", "monitor_on.py", "protect.py", "protect_on.py", "guard.py",
     "guard_on.py", "pending.py", "pending_on.py", "steer.py", "steer_on.py", "feed.py", "feed_on.py",
+    "adapt.py", "adapt_on.py", "levels.py", "levels_on.py", "method.py",
 )  # fmt: skip
 """Files of the template that a configuration replaces."""
 STEADY = 20
@@ -81,7 +82,8 @@ def sizes_source(shape: records.Shape) -> str:
         "FEEDS": shape.feeds,
         "SENSORS": shape.sensors, "FILTERS": shape.filters, "PAYLOAD": shape.payload, "CONTROLS": shape.controls,
         "STEADY": STEADY if shape.cells else 0, "CELLS": shape.cells, "WINDOW": shape.window,
-        "PROTECTED": shape.protected, "GUARDED": shape.guarded,
+        "PROTECTED": shape.protected, "GUARDED": shape.guarded, "ADAPTS": int(shape.adapt is not None),
+        "BINS": shape.adapt.bins if shape.adapt else 0,
         "SNAPSHOT_EVERY": sizes.SNAPSHOT_EVERY,
     }  # fmt: skip
     return "".join([f"{name} = {value}\n" for name, value in constants.items()])
@@ -94,9 +96,21 @@ def inject_file(process: Process) -> str:
     return "inject_manifold.py" if process.errors else "inject.py"
 
 
+def noise_sources(shape: records.Shape, template: Mapping[str, str], method: str | None) -> dict[str, str]:
+    """The step's files for the estimation of noise; `method` is a module of `fusiond.adapt`, None: R is as declared."""
+    if method is None or shape.adapt is None:
+        return {"adapt.py": template["adapt.py"]}
+    chosen = "How noise is estimated; written by assembly."
+    return {
+        "adapt.py": template["adapt_on.py"],
+        "levels.py": template["levels_on.py" if shape.adapt.bins else "levels.py"],
+        "method.py": f'"""{chosen}"""\n\nfrom fusiond.adapt.{method} import begin, weigh\n',
+    }
+
+
 def step_sources(
     shape: records.Shape, process: str, linear: bool, errors: str, law: str | None,
-    sensors: Sequence[tuple[str, str]],
+    sensors: Sequence[tuple[str, str]], method: str | None = None,
 ) -> dict[str, str]:  # fmt: skip
     """Every file of one configuration's step, by name.
 
@@ -105,6 +119,7 @@ def step_sources(
         linear: the model is linear and time-invariant.
         errors: file of the template that adds errors to its state (`inject_file`).
         sensors: for each sensor, a name for its model and the model's source text; ('', '') for an input.
+        method: of estimating noise, a module of `fusiond.adapt`; None where R is as declared.
     """
     template = folder_sources(step)
     files = {name: text for name, text in template.items() if name not in SWAPPED}
@@ -115,6 +130,7 @@ def step_sources(
     files["guard.py"] = template["guard_on.py" if shape.guarded > 0 else "guard.py"]
     files["steer.py"] = template["steer.py" if law is None else "steer_on.py"]
     files["feed.py"] = template["feed_on.py" if shape.feeds else "feed.py"]
+    files |= noise_sources(shape, template, method)
     if shape.cells > 0:
         files["monitor.py"] = template["monitor_on.py"]
     else:

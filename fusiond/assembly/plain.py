@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond import numerics
+from fusiond import adapt, numerics
 from fusiond.assembly.observability import trial_interval_s
 from fusiond.assembly.package import folder_sources
 from fusiond.assembly.resolve import Resolved, ResolvedSensor
@@ -42,8 +42,19 @@ SEED_DEVIATION = {
     "variance": 1e-7, "deviation": 1e-14, "identity_variance": 1e-2, "identity_deviation": 1e-4,
 }  # fmt: skip
 """Standard deviation of o_ii in each reading of seed 004's N(0, 1e-14) and N(0, 1e-4)."""
-ALWAYS = ("apply.py", "circle.py", "finish.py", "looking.py", "recursion.py", "spread.py", "update.py")
+ALWAYS = (
+    "apply.py",
+    "circle.py",
+    "finish.py",
+    "looking.py",
+    "noise.py",
+    "recursion.py",
+    "spread.py",
+    "update.py",
+)
 """Files of a plain step that no configuration replaces."""
+KERNELS = ("fuzzy.py", "fuzzy_additive.py", "guards.py", "interacting.py", "slow.py", "variational.py")
+"""Files of `fusiond.adapt` that a step calls."""
 LOOKS = 60
 """Looks after which the relative information of the sensors is taken: the reference plant rests after 60."""
 
@@ -139,13 +150,16 @@ def plain_sources(config: Config, files: Mapping[str, str], *, linear: bool) -> 
         }
     elif topology in BATCH:
         chosen["correct.py"] = own["batch.py"]
+    beside = folder_sources(numerics) | {"kernel.py": own["kernel.py"]}
+    if config.adaptation is not None:
+        chosen["noise.py"] = own["noise_on.py"]
+        beside |= {name: text for name, text in folder_sources(adapt).items() if name in KERNELS}
     behind = {f"step_{name}": files[name] for name in files if name in chosen and name != "advance.py"}
     if linear:
         behind["step_advance.py"] = template["advance.py"]
     files = {**files, "decided.py": template["decided.py"]}
     told = {"RECURSION": config.filter.recursion, "TOPOLOGY": topology, "POLICY": policy_of(config)}
     chosen["choices.py"] = "".join(f"{name} = {value!r}\n" for name, value in told.items())
-    beside = folder_sources(numerics) | {"kernel.py": own["kernel.py"]}
     del beside["__init__.py"]
     whole = {**beside, **files, **behind, **chosen}
     return {name: _neighbourly(text, whole) for name, text in whole.items()}
@@ -159,4 +173,6 @@ def _neighbourly(text: str, files: Mapping[str, str]) -> str:
         return f"from .step_{name} import" if f"step_{name}.py" in files else f"from .{name} import"
 
     text = re.sub(r"from fusiond\.engine\.step\.(?P<name>\w+) import", neighbour, text)
+    kernels = "|".join(name.removesuffix(".py") for name in KERNELS)
+    text = re.sub(rf"from fusiond\.adapt\.(?P<name>{kernels}) import", r"from .\g<name> import", text)
     return re.sub(r"from fusiond\.numerics\.(?P<name>\w+) import", r"from .\g<name> import", text)

@@ -55,6 +55,10 @@ def tracer_of(assembly: Assembly) -> Tracer:
             "--smooth: this configuration's recursion or topology is not the compiled centralized filter, the only one "
             "that can be smoothed; leave [filter] recursion and [fusion] topology out"
         )
+    if assembly.config.adaptation is not None:
+        raise ConfigError(
+            "--smooth: an estimate of noise is no linear update, and the smoother needs those; leave [adaptation] out"
+        )
     assert assembly.package.__file__ is not None
     folder = Path(assembly.package.__file__).parent
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py"))}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from fusiond.assembly.adapting import adaptation_of
 from fusiond.assembly.assembly import Assembly
 from fusiond.assembly.detection import Detection, detection_of
 from fusiond.assembly.diagnosis import diagnosis_of
@@ -77,6 +78,7 @@ def summary(assembly: Assembly) -> dict[str, Any]:
         },
         "diagnosability": diagnosis_of(resolved, detection) if detection else [],
         "thresholds": _thresholds(assembly, assembly.detection) if assembly.detection else {},
+        "adaptation": adaptation_of(resolved),
         "margins": margins_of(resolved),
         "filters": [f"{row.hears} {row.sensor}".strip() for row in layout.filters],
         "bytes": {"track": layout.track.itemsize, "report": layout.report.itemsize},

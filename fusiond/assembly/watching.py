@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fusiond.assembly.course import rate_hz
 from fusiond.assembly.detection import Detection, detection_of, suspects_of, tolerance_of
+from fusiond.assembly.moving import is_stationary
 from fusiond.assembly.observability import observability
 from fusiond.assembly.resolve import Resolved, by_key
 from fusiond.config import Config, FaultsSection, FilterSection, FusionSection, InputSection
@@ -18,15 +19,14 @@ from fusiond.engine.layout import Layout
 from fusiond.errors import ConfigError
 from fusiond.faults.diagnosability import TOLD_APART, shares_left
 from fusiond.faults.hypotheses import catalogue
-from fusiond.faults.isolation import Twins
 from fusiond.faults.thresholds import ROBUST, SHARP, Promise
 from fusiond.types import Role, nanoseconds
 
 SILENT_PERIODS = 2.5
 """Periods without a reading after which a regular stream is silent; an irregular one is given what it needs."""
 SLOWEST, WINDOW_S, MOST = 64, 5.0, 2048
-"""The window holds so many readings of its slowest sensor, and of all sensors what they say in so many seconds: a scale,
-a delay, an error of a rate show only as the machine moves. At most so many readings in all."""
+"""The window holds so many readings of its slowest sensor, and of all sensors what they say in so many seconds: a
+scale, a delay, an error of a rate show only as the machine moves. At most so many readings in all."""
 USUAL_S = 5.0
 """Over how long the usual value of an input is taken."""
 PROFILES = {"sharp": SHARP, "robust": ROBUST}
@@ -39,7 +39,12 @@ def promise_of(section: FaultsSection) -> Promise:
 
 
 def window_of(resolved: Resolved, least: int) -> int:
-    """Readings the window holds: of the slowest sensor SLOWEST of them, and all that happens in WINDOW_S."""
+    """Readings the window holds: of the slowest sensor SLOWEST of them, and all that happens in WINDOW_S.
+
+    Where lasting errors are tolerated no more than `least`: for longer, a tolerated error wanders as a fault does.
+    """
+    if any(tolerance_of(resolved, suspect) > 0.0 for suspect in suspects_of(resolved)):
+        return least
     rates = [rate_hz(resolved, sensor) for sensor in resolved.updating]
     seconds = max(SLOWEST / min(rates), WINDOW_S)
     return max(least, min(math.ceil(seconds * sum(rates)), MOST))
@@ -130,8 +135,13 @@ def groups_of(resolved: Resolved) -> list[list[int]]:
     return [members for members in named.values() if len(members) > 1]
 
 
-def twins_of(detection: Detection) -> Twins:
-    """Pairs of updating sensors of which the diagnosability matrix calls a bias of one ambiguous with the other."""
+def twins_of(resolved: Resolved, detection: Detection) -> frozenset[frozenset[int]]:
+    """Pairs of updating sensors of which the diagnosability matrix calls a bias of one ambiguous with the other.
+
+    None where the matrix holds for a trial motion alone: how a machine really moves may tell them apart.
+    """
+    if not is_stationary(resolved):
+        return frozenset()
     found = detection.signatures
     own = {suspect.sensor for suspect in found.suspects if not suspect.is_input}
     return frozenset(
@@ -167,7 +177,7 @@ def judge_of(
             [np.pad(np.sqrt(np.diagonal(s.R)), (0, layout.shape.payload - len(s.R))) for s in sensors]
         ),
         tolerance={suspect: tolerance_of(resolved, suspect) for suspect in suspects_of(resolved)},
-        twins=twins_of(detection),
+        twins=twins_of(resolved, detection),
         policy=tuple(getattr(sensor.section, "policy", "auto") for sensor in sensors),
         silence_ns=np.array(design[0]["silence_ns"]),
         replaceable=tuple(bool(getattr(sensor.section, "without_input_std", None)) for sensor in sensors),

@@ -105,19 +105,34 @@ def run(
 
 
 @app.command()
-def check(config: ConfigPath, as_json: Json = False, part: Part = None) -> None:
+def check(
+    config: ConfigPath,
+    plots: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Draw the fuzzy sets and the control surface there.")
+    ] = None,
+    as_json: Json = False,
+    part: Part = None,
+) -> None:
     """Validate a configuration and print what is derived from it."""
     from fusiond.assembly.summary import summary
     from fusiond.cli.configuring import load
     from fusiond.cli.diagnosability_view import show_diagnosability
     from fusiond.cli.loop_view import show_loop
-    from fusiond.cli.views import console, show_check
+    from fusiond.cli.views import console, show_adaptation, show_check
 
-    result = summary(load(config, part))
+    assembly = load(config, part)
+    result = summary(assembly)
+    if plots is not None:
+        from fusiond.cli.check_plots import write_plots
+
+        result["plots"] = [str(path) for path in write_plots(assembly, plots)]
     if as_json:
         _emit(result)
     else:
         show_check(result)
+        show_adaptation(result["adaptation"])
+        for path in result.get("plots", ()):
+            console.print(f"drawn: {path}")
         show_diagnosability(result, console)
         show_loop(result, console)
 

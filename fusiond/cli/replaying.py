@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fusiond.assembly.assembly import Assembly
 from fusiond.cli.views import counting, working
 from fusiond.engine.engine import Engine
+from fusiond.engine.noise_learnt import recall
 from fusiond.errors import ConfigError
 from fusiond.recording.accumulators import TruthSums
 from fusiond.recording.log import open_log
@@ -42,9 +43,12 @@ def replay_log(
         config_text = f"{lies.note}{config_text}"
     known = read_truth(truth, angles) if truth else None
     with ExitStack() as closing:
-        engine = assembly.engine()
+        engine, known_noise = assembly.engine(), getattr(source, "known_noise", {})
+        recall(engine, known_noise)
         smoothing = closing.enter_context(Smoothing(assembly, engine)) if smooth else None
-        writer = closing.enter_context(McapWriter(out, layout, config_text)) if out else None
+        writer = None
+        if out:
+            writer = closing.enter_context(McapWriter(out, layout, config_text, known_noise=known_noise))
         with working("compiling the filter (once for each configuration)"):
             assembly.prepare()
             if smoothing:

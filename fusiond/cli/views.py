@@ -81,6 +81,19 @@ def show_check(result: Mapping[str, Any]) -> None:
     )
 
 
+def show_adaptation(result: Mapping[str, Any]) -> None:
+    """What is done about noise that is not as declared."""
+    if not result:
+        console.print("noise: as declared; a section \\[adaptation] has it estimated")
+        return
+    console.print(f"noise: estimated, {result['method']}: {result['form']}")
+    for name, channels in result["sensors"].items():
+        spans = ", ".join(f"{key} {low:.3g} to {high:.3g}" for key, (low, high) in channels.items())
+        console.print(f"  {name}: deviations believed: {spans}")
+    if result["as_declared"]:
+        console.print(f"  as declared: {', '.join(result['as_declared'])}")
+
+
 def show_replay(result: Mapping[str, Any]) -> None:
     """The outcome of a replay."""
     rate = result["readings"] / result["wall_s"] if result["wall_s"] else 0.0

@@ -220,6 +220,15 @@ class Engine:
         """True covariance (n, n) beside the one that seed 004's averaged gain reports; None with other topologies."""
         return np.array(self.track[0]["honest"]) if self.layout.topology == "seed_averaged" else None
 
+    def dof(self, sensor: int) -> int:
+        """Channels that a sensor measures."""
+        return int(self._design[0]["dof"][sensor])
+
+    def noise_limits(self, sensor: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """Smallest and largest R / declared by channel, and the share of the slow R left after a reading."""
+        made = self._design[0]["noise"]
+        return made["floor"][sensor], made["ceiling"][sensor], float(made["slow_forget"])
+
     def state_sha256(self) -> str:
         """Hash of the track record's bytes."""
         return hashlib.sha256(self.track.tobytes()).hexdigest()

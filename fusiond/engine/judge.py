@@ -8,7 +8,7 @@ decides before the next is looked at. Health of a sensor, and what moves it:
 | healthy | an alarm that isolation cannot settle yet | suspect | goes on; the case is reviewed as readings come |
 | healthy, suspect | isolated; the rest sees every state | excluded | becomes the filter that never had the sensor |
 | healthy, suspect | isolated; the rest does not | faulty | takes the error off every reading since the onset |
-| healthy, suspect | isolated; noise | faulty | weighs the readings by the noise they have |
+| healthy, suspect | isolated; noise | faulty | weighs the readings by the noise they have (adaptation: does already) |
 | healthy | one of a set that nothing tells apart | suspect | weighs the whole set down so as to cover all |
 | any | frozen, or nothing that could be used | excluded | does without it, whatever is left |
 | faulty | the error has gone | healthy | believes the readings as they are |
@@ -82,7 +82,7 @@ class Judge:
     enough: Callable[[frozenset[int]], bool]
     noise_std: NDArray[np.float64]
     tolerance: dict[Suspect, float]
-    twins: Twins
+    twins: frozenset[frozenset[int]]
     policy: tuple[str, ...]
     replaceable: tuple[bool, ...]
     silence_ns: NDArray[np.int64]
@@ -125,6 +125,8 @@ class Judge:
             return
         age = entries - int(desk["case_at"])
         undecided = finding.outcome is Outcome.UNDECIDED
+        if finding.fit is not None and finding.fit.kind is not Kind.NOISE:
+            reactions.freeze(finding.sensors)
         if undecided and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + max(self._step, int(PATIENCE * age))
             if age > 0:
@@ -134,6 +136,7 @@ class Judge:
             desk["review_at"] = entries + self.layout.shape.window
         elif finding.outcome is Outcome.AMBIGUOUS or (undecided and len(finding.sensors) > 1):
             reactions.cover(finding)
+            reactions.recall_noise(finding.sensors, finding.fit.onset if finding.fit else 0)
             desk["review_at"] = entries + max(LEAST * self._step, int(PATIENCE * age))
         else:
             reactions.close()
@@ -153,13 +156,24 @@ class Judge:
 
     def _noisy(self, reactions: Reactions, fit: Fit) -> bool:
         """Whether a change of noise is a fault: more than tolerated, or the end of one."""
-        if any(reactions.reaction["noise_excess"][sensor] > 0.0 for sensor in fit.place):
+        if set(fit.place) & (self._restless(reactions) | self._weighed_down(reactions)):
             return True
         excess = math.sqrt(max(float(fit.size[0]) ** 2 - 1.0, 0.0))
         members = [suspect for part in fit.hypothesis.parts for suspect in part]
         return any(
-            excess * self.noise_std[one.sensor, one.channel] > self.tolerance.get(one, 0.0) for one in members
+            excess * math.sqrt(reactions.noise_ratio(one.sensor)) * self.noise_std[one.sensor, one.channel]
+            > self.tolerance.get(one, 0.0)
+            for one in members
         )
+
+    def _restless(self, reactions: Reactions) -> frozenset[int]:
+        """Sensors thought noisier than declared, whose noise may become less: not those of a set that is covered."""
+        noisy = frozenset(int(k) for k in np.flatnonzero(reactions.reaction["kind"] == Kind.NOISE))
+        return noisy if reactions.adapts else noisy & self._weighed_down(reactions)
+
+    def _weighed_down(self, reactions: Reactions) -> frozenset[int]:
+        """Sensors that count for less than their noise, as they are found noisy or as their set is covered."""
+        return frozenset(int(k) for k in np.flatnonzero(reactions.reaction["noise_excess"] > 0.0))
 
     def _finding(self, reactions: Reactions) -> Finding:
         """What isolation says about the window now; who is out or silent has nothing to plead."""
@@ -168,11 +182,10 @@ class Judge:
         silent = {int(k) for k in np.flatnonzero((self.silence_ns > 0) & (age_ns > self.silence_ns))}
         out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
-        # a set that is covered is not thought noisy, so that less noise is no news of it
-        noisy = (reactions.reaction["noise_excess"] > 0.0) & (reactions.reaction["kind"] == Kind.NOISE)
-        restless = frozenset(int(k) for k in np.flatnonzero(noisy))
+        noisy = self._restless(reactions)
+        covered = self._weighed_down(reactions) - noisy
         seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
-        return isolate(seen, asked, restless=restless, twins=self.twins)
+        return isolate(seen, asked, restless=noisy, twins=Twins(self.twins, covered))
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
         """Whether the sensor, with all that are out or go out with it, can be done without."""
@@ -258,10 +271,14 @@ class Judge:
                 reactions.write("size", reactions.total(sensor, kind), sensor)
 
     def _weigh_down(self, reactions: Reactions, fit: Fit) -> None:
-        """The sensor is noisier, or quieter again, than was thought: use the noise it has."""
+        """The sensor is noisier, or quieter again, than was thought: use the noise it has.
+
+        Where noise is estimated that is done already, and the monitors alone are told.
+        """
         for sensor in fit.place:
-            excess = float(reactions.reaction["noise_excess"][sensor])
-            variance = float(fit.size[0]) ** 2 * (1.0 + excess)
+            variance = float(fit.size[0]) ** 2 * reactions.noise_ratio(sensor)
+            if reactions.adapts:
+                reactions.scale_noise(sensor, float(fit.size[0]) ** 2)
             if variance < 1.5**2:
                 reactions.clear(sensor)
             elif variance > LARGEST_NOISE**2 and self._excludable(reactions, sensor, fit.place):
@@ -270,7 +287,8 @@ class Judge:
             else:
                 reactions.name(sensor, fit, Kind.NOISE, Health.FAULTY)
                 reactions.write("size", float(np.sqrt(variance)), sensor)
-                reactions.write("noise_excess", variance - 1.0, sensor)
+                if not reactions.adapts:
+                    reactions.write("noise_excess", variance - 1.0, sensor)
         reactions.since(fit.onset)
         reactions.replay()
 

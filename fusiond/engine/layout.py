@@ -34,15 +34,18 @@ class FilterLayout:
     """One filter of the bank, a row of the track's x, U and d.
 
     Args:
-        hears: `all` sensors (row 0, the centralized filter), all but one (`without`), or one alone (`only`).
+        hears: `all` sensors (row 0, the centralized filter), all but one (`without`), or one alone (`only`); or it is
+            a part of row 0 (`level`: for some levels of the noise of its only sensor), which updates it.
         sensor: the one left out or heard alone; empty for `all`.
     """
 
-    hears: Literal["all", "without", "only"]
+    hears: Literal["all", "without", "only", "level"]
     sensor: str = ""
 
     def hears_sensor(self, name: str) -> bool:
         """Whether an updating sensor corrects this filter; inputs drive every filter."""
+        if self.hears == "level":
+            return False
         return self.hears == "all" or (self.sensor == name) == (self.hears == "only")
 
 

@@ -108,6 +108,7 @@ class Reactions:
         desk = self.engine.desk[0]
         desk["case_at"] = desk["review_at"] = 0
         self.write("model", 0)
+        self.freeze(())
         for sensor in np.flatnonzero(self.reaction["health"] == Health.SUSPECT):
             self.clear(int(sensor))
 
@@ -115,6 +116,42 @@ class Reactions:
         """The sensor is healthy."""
         for field in ("health", "kind", "size", "size_std", "suspects", "noise_excess"):
             self.write(field, 0, sensor)
+
+    @property
+    def adapts(self) -> bool:
+        """Whether noise is estimated."""
+        return self._layout.shape.adapt is not None
+
+    def freeze(self, sensors: tuple[int, ...]) -> None:
+        """What these sensors say, and no others, tells nothing of their noise: it may be the error that is sought."""
+        if self.adapts:
+            for records in self.engine.histories:
+                records["noise"]["frozen"] = 0
+                records["noise"]["frozen"][:, list(sensors)] = 1
+
+    def recall_noise(self, sensors: tuple[int, ...], onset: int) -> None:
+        """Take the noise of these sensors for what it was before the onset, as far as that is still known."""
+        track, snapshots = self.engine.histories
+        early = np.flatnonzero((snapshots["started"] != 0) & (snapshots["t_ns"] < self.onset_ns(onset)))
+        if not self.adapts or not early.size:
+            return
+        before = snapshots[early[np.argmax(snapshots["t_ns"][early])]]["noise"]
+        for field in ("trusted", "memory"):
+            track["noise"][field][0][:, list(sensors)] = before[field][:, list(sensors)]
+        for field in ("used", "slow", "slow_weight", "slow_mean"):
+            track["noise"][field][0][list(sensors)] = before[field][list(sensors)]
+
+    def noise_ratio(self, sensor: int) -> float:
+        """Variance of the sensor's noise that the monitors reckon with, over the declared one."""
+        ratio = 1.0 + float(self.reaction["noise_excess"][sensor])
+        if self.adapts:
+            ratio *= float(np.max(self.engine.track[0]["noise"]["slow"][sensor]))
+        return ratio
+
+    def scale_noise(self, sensor: int, factor: float) -> None:
+        """From now on the monitors reckon with `factor` times the variance; the trusted R finds it for itself."""
+        for records in self.engine.histories:
+            records["noise"]["slow"][:, sensor] *= factor
 
     def suspect(self, sensors: tuple[int, ...]) -> None:
         """Those who may be it are suspect until the case is settled; who is known to be faulty stays so."""
@@ -292,13 +329,18 @@ class Reactions:
         return 1.0 + taken if kind is Kind.SCALE else taken
 
     def _widen(self, sensor: int, channel: int, std: float) -> None:
-        """Add the uncertainty of a bias to the primary filter: P + g g' std^2, g the error such a bias has caused."""
+        """Add the uncertainty of a bias to the primary filter and the levels it is made of.
+
+        P + g g' std^2, g the error that such a bias has caused.
+        """
         response = respond(self.engine.window, 0)
         columns = np.unique(response.raw[response.sensor == sensor, channel])
         g = response.carried[:, columns].sum(axis=1) * std
-        P = self.engine.covariance() + np.outer(g, g)
-        U, d = np.eye(len(P)), np.zeros(len(P))
-        if interpreted(ud_factor)(P, U, d, 1e-9):
-            self.engine.track[0]["U"][0], self.engine.track[0]["d"][0] = U, d
-            if self._layout.shape.lazy:
-                self.engine.track[0]["pending"][0] = 0  # P holds what was pending
+        for row, filtered in enumerate(self._layout.filters):
+            if filtered.hears in ("all", "level"):
+                P = self.engine.covariance(row) + np.outer(g, g)
+                U, d = np.eye(len(P)), np.zeros(len(P))
+                if interpreted(ud_factor)(P, U, d, 1e-9):
+                    self.engine.track[0]["U"][row], self.engine.track[0]["d"][row] = U, d
+                    if self._layout.shape.lazy:
+                        self.engine.track[0]["pending"][row] = 0  # P holds what was pending

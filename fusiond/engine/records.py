@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from fusiond.adapt.records import AdaptShape, noise_design_dtype, noise_dtype, noise_work_dtype
 from fusiond.faults.records import monitor_dtype, reaction_dtype, tests_dtype
 from fusiond.faults.window import window_dtype
 
@@ -54,6 +55,7 @@ class Shape:
         protected: error slots with a protection level.
         guarded: g, states that are not learned while they cannot be observed.
         lazy: 1 where covariances follow more rarely than means, else 0.
+        adapt: of the estimation of noise; None without.
     """
 
     states: int
@@ -77,6 +79,7 @@ class Shape:
     memory: int = 0
     queue: int = 0
     feeds: int = 0
+    adapt: AdaptShape | None = None
 
     @property
     def monitor(self) -> np.dtype[Any]:
@@ -150,6 +153,7 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     resets, jump: as in the report.   reaction, monitor: faults.records.
     learned: of each guarded state, the part of its variance that readings took away lately, as of learned_ns.
     pending*: intervals since U, d were brought forward, with their transition and noise (step.pending_on).
+    noise: adapt.records; the field is there only where noise is estimated.
     """
     n, f, s, m, ni = shape.errors, shape.filters, shape.sensors, shape.payload, shape.inputs
     z = shape.lazy
@@ -164,6 +168,7 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
         ("gap_from_ns", "<i8", (s,)), ("gap_to_ns", "<i8", (s,)),
         ("longest_gap_ns", "<i8", (s,)), ("live", "<i8", (s,)),
         ("reaction", reaction_dtype(sensors=s, payload=m)), ("monitor", shape.monitor),
+        *([("noise", noise_dtype(shape.adapt, sensors=s, payload=m))] if shape.adapt else []),
     )  # fmt: skip
 
 
@@ -221,6 +226,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     cost_share (of the newest cost in the mean), queue (commands that wait), feeds (the sensor whose reading a command
     is), acknowledged_ns (how long an acknowledgement stands for the next).
     stands_for: the input that the command replaces while it is out, as gain times command, plus offset, plus a state.
+    noise: adapt.records, where noise is estimated.
     """
     n, s, m, k = shape.errors, shape.sensors, shape.payload, shape.controls
     return record(
@@ -247,6 +253,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("largest_std", "<f8", (n,)), ("awaited", "<i4", (s,)), ("command_wait_ns", "<i8"), ("cost_share", "<f8"),
         ("feeds", "<i8"), ("acknowledged_ns", "<i8"), ("queue", "<i8"),
         ("stands_for", "<i8"), ("stand_gain", "<f8", (k,)), ("stand_offset", "<f8"), ("stand_plus", "<i8"),
+        *([("noise", noise_design_dtype(shape.adapt, sensors=s, payload=m))] if shape.adapt else []),
     )  # fmt: skip
 
 
@@ -262,7 +269,8 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
         ("x", "<f8", (shape.states,)), ("F", "<f8", (n, n)), ("B", "<f8", (n, ni)), ("c", "<f8", (n,)),
         ("G", "<f8", (n, q)), ("q", "<f8", (q,)), ("W", "<f8", (n + q + ni, n)), ("w_d", "<f8", (n + q + ni,)),
         ("h", "<f8", (m,)), ("H", "<f8", (m, n)), ("nu", "<f8", (m,)), ("R_U", "<f8", (m, m)), ("R_d", "<f8", (m,)),
-        ("R", "<f8", (m, m)), ("root", "<f8", (m,)), ("K", "<f8", (m, n)), ("D", "<f8", (m, m)), ("hdot", "<f8", (m,)),
+        ("R", "<f8", (m, m)), ("root", "<f8", (m,)), ("own", "<f8", (m,)),
+        ("K", "<f8", (m, n)), ("D", "<f8", (m, m)), ("hdot", "<f8", (m,)),
         ("tested", "<f8", (m,)), ("carried", "<f8", (n, n + ni)), ("phi", "<f8", (n, shape.cells)),
         ("rho", "<f8", (shape.cells,)), ("gain", "<f8", (shape.cells,)), ("kept_x", "<f8", (shape.states,)),
         ("kept_d", "<f8", (n,)), ("kept_U", "<f8", (n, n)), ("spare", reading_dtype(m), (1,)),
@@ -276,6 +284,7 @@ def work_dtype(shape: Shape) -> np.dtype[Any]:
         ("cache_dt_ns", "<i8", (CACHE,)), ("cache_F", "<f8", (CACHE, n, n)), ("cache_B", "<f8", (CACHE, n, ni)),
         ("cache_c", "<f8", (CACHE, n)),
         ("cache_G", "<f8", (CACHE, n, q)), ("cache_q", "<f8", (CACHE, q)),
+        *([("noise", noise_work_dtype(shape.adapt, errors=n, payload=m))] if shape.adapt else []),
     )  # fmt: skip
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fusiond.faults.course import Suspect
 from fusiond.faults.hypotheses import Hypothesis, Place
 from fusiond.faults.response import Integers, Response
-from fusiond.numerics.ud import Matrix, Vector
 from fusiond.faults.window import ODD
+from fusiond.numerics.ud import Matrix, Vector
 from fusiond.types import Kind
 
 MOST_ODD = 25.0

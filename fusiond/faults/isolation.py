@@ -35,8 +35,25 @@ from fusiond.faults.response import Response
 from fusiond.types import Kind
 
 
-Twins = frozenset[frozenset[int]]
-"""Pairs of sensors."""
+@dataclass(frozen=True, slots=True)
+class Twins:
+    """Pairs of sensors that nothing lasting tells apart.
+
+    Args:
+        pairs: that the diagnosability matrix calls ambiguous.   covered: sensors weighed down as one of such a pair;
+            the filter's gains are then not those of the matrix, and no evidence counts between the two.
+    """
+
+    pairs: frozenset[frozenset[int]] = frozenset()
+    covered: frozenset[int] = frozenset()
+
+    def are(self, one: Place, other: Place) -> bool:
+        """Whether two places are such a pair."""
+        return frozenset((*one, *other)) in self.pairs
+
+    def closed(self, one: Place, other: Place) -> bool:
+        """Whether nothing may tell them apart now."""
+        return self.are(one, other) and bool({*one, *other} & self.covered)
 
 
 class Outcome(IntEnum):
@@ -98,16 +115,16 @@ def isolate(
     hypotheses: Sequence[Hypothesis],
     margins: Margins | None = None,
     restless: frozenset[int] | None = None,
-    twins: Twins = frozenset(),
+    twins: Twins | None = None,
 ) -> Finding:
     """Weigh every hypothesis over the window.
 
     Args:
         response: of the window.   hypotheses: of `catalogue`.   margins: defaults where None.
         restless: sensors whose noise may have become less, as it is taken for more than declared; any, where None.
-        twins: pairs of sensors that nothing lasting tells apart.
+        twins: none where None.
     """
-    margins = margins or Margins()
+    margins, twins = margins or Margins(), twins or Twins()
     fits = [fit for fit in scan(response, hypotheses) if restless is None or not _calm(fit, restless)]
     nothing = Finding(Outcome.NOTHING, (), None, Choice(Kind.NONE), 0.0, 0.0)
     if not fits or fits[0].score <= 0.0:
@@ -129,8 +146,7 @@ def _with_twins(found: Finding, places: Sequence[Fit], twins: Twins) -> Finding:
     """The set of the sensor found and its twins, where a sensor was found by how its fault began."""
     if found.outcome is not Outcome.ONE or found.choice.kind in (Kind.NOISE, Kind.SPIKE):
         return found
-    (sensor,) = found.sensors
-    alike = tuple(fit for fit in places if frozenset((sensor, *fit.place)) in twins)
+    alike = tuple(fit for fit in places if twins.are(found.sensors, fit.place))
     if not alike or found.fit is None:
         return found
     standing = (found.fit, *alike)
@@ -187,14 +203,15 @@ def _demands(best: Fit, pleas: Sequence[Fit], margins: Margins, twins: Twins) ->
     demands = []
     for plea in pleas:
         which = next(apart) if Kind.NOISE not in (best.kind, plea.kind) else None
-        twin = frozenset((*best.place, *plea.place)) in twins
-        demands.append(_demand(best.score - plea.score, which, margins, twin=twin))
+        needs = margins
+        if best.kind is not Kind.SPIKE and twins.closed(best.place, plea.place):
+            needs = replace(margins, place=math.inf, sudden=math.inf)
+        twin = best.kind is not Kind.SPIKE and twins.are(best.place, plea.place)
+        demands.append(_demand(best.score - plea.score, which, needs, twin=twin))
     return demands
 
 
-def _demand(
-    margin: float, apart: Separation | None, margins: Margins, *, twin: bool
-) -> tuple[bool, bool]:
+def _demand(margin: float, apart: Separation | None, margins: Margins, *, twin: bool) -> tuple[bool, bool]:
     """Whether a margin falls short of what is needed, and whether waiting can bring it."""
     if apart is None:
         return margin < margins.place, True
@@ -219,9 +236,11 @@ def _decide(
         fit
         for fit in fits
         if fit.place != best.place
-        and (best.score - fit.score < margins.sudden or frozenset((*best.place, *fit.place)) in twins)
+        and (best.score - fit.score < margins.sudden or twins.are(best.place, fit.place))
     ]
-    pleas = [plea for rival in rivals for plea in _best_of_kinds([f for f in close if f.place == rival.place])]
+    pleas = [
+        plea for rival in rivals for plea in _best_of_kinds([f for f in close if f.place == rival.place])
+    ]
     demanded = list(zip(pleas, _demands(best, pleas, margins, twins), strict=True))
     for rival in rivals:
         demands = [demand for plea, demand in demanded if plea.place == rival.place]

@@ -36,8 +36,9 @@ def monitor_dtype(
     run: equal values in a row;   run_h: what was predicted when the run began.
     held: how often a value held between fixes was repeated;   held_longest: the most of that so far.
     garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
-    its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from it
-    since the last entry, in such variances, and how many were odd.   shadow: (s, 3) evidence that an excluded sensor has healed.
+    its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from
+    it since the last entry, in such variances, and how many were odd.   shadow: (s, 3) evidence that an excluded sensor
+    has healed.
     """
     n, s, m, c = errors, sensors, payload, cells
     return packed([
@@ -85,8 +86,8 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
     suspects: bit k set where it cannot be told from a fault of sensor k.
     excluded: its readings from out_from_ns to until_ns (0: for good) correct nothing.   relapses: how often it has come
     back.   from_ns, to_ns: (s, 2) the error taken off before, and now (0: none; 0: for good): offset, drift (per
-    second since from_ns), gain_error (a factor less one) and lag, s.   noise_excess: its R is this much larger, a factor less
-    one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return.
+    second since from_ns), gain_error (a factor less one) and lag, s.   noise_excess: its R is this much larger, a
+    factor less one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return.
     model: 1 while the model, not a sensor, is thought wrong.
     """
     s, m = sensors, payload
@@ -95,6 +96,7 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
         ("size_std", "<f8", (s,)), ("onset_ns", "<i8", (s,)), ("since_ns", "<i8", (s,)), ("suspects", "<u8", (s,)),
         ("excluded", "<i8", (s,)), ("out_from_ns", "<i8", (s,)), ("until_ns", "<i8", (s,)),
         ("relapses", "<i8", (s,)), ("from_ns", "<i8", (s, 2)), ("to_ns", "<i8", (s, 2)), ("offset", "<f8", (s, 2, m)),
-        ("drift", "<f8", (s, 2, m)), ("gain_error", "<f8", (s, 2, m)), ("lag", "<f8", (s, 2, m)), ("noise_excess", "<f8", (s,)),
+        ("drift", "<f8", (s, 2, m)), ("gain_error", "<f8", (s, 2, m)), ("lag", "<f8", (s, 2, m)),
+        ("noise_excess", "<f8", (s,)),
         ("shadow_size", "<f8", (s, m)), ("model", "<i8"),
     ])  # fmt: skip

@@ -9,7 +9,7 @@ and the next entry through eps <- T eps (+ B g for an input that is wrong by g m
 in eps, so every fault is a sum of such impulses: one matrix of their responses serves every hypothesis and every onset.
 
 A window is long enough for its slowest sensor, and then holds many readings of a fast one. Its older readings share
-columns (`fold`): an error that lasts is the same in neighbouring readings, so nothing is lost of it but the exact onset.
+columns (`fold`): an error that lasts is the same in neighbouring readings, so its exact onset alone is lost.
 
 Source: Willsky & Jones 1976 (signatures by recursion); the filter's own gains, so exact in transients.
 """
@@ -130,7 +130,8 @@ def noise_roots(window: NDArray[Any]) -> Matrix:
     """(W, m, m) a square root of the covariance of each reading's own noise, in raw channels: D^-1 diag(sqrt(r)).
 
     The variance r of each scalar's own noise is S (1 - H K), as K = P H'/S; where a reading was not used, K is unknown
-    and the median of its sensor's others stands in, and S where there are none.
+    and the median of its sensor's others stands in, and S where there are none. Where noise is estimated the gain knows
+    another R than S does, and the entry has r itself.
     """
     m = window["e"].shape[1]
     S = window["root"] ** 2
@@ -140,6 +141,7 @@ def noise_roots(window: NDArray[Any]) -> Matrix:
         own = window["sensor"] == sensor
         if np.any(own & used):
             r[own & ~used] = np.minimum(np.median(r[own & used], axis=0), S[own & ~used])
+    r = np.where(window["own"] > 0.0, window["own"], r)
     exists = np.arange(m) < window["dof"][:, None]
     return undecorrelated(window) * np.sqrt(np.where(exists, r, 0.0))[:, None, :]
 

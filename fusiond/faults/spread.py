@@ -93,9 +93,8 @@ def fit_spread(ground: Ground) -> Spread:
         dof = int(response.dof[k])
         wide[place : place + dof, place : place + dof] = response.noise[k, :dof, :dof]
         place += dof
-    return Spread(
-        int(ground.entries[max(int(np.argmax(curve)), least)]), *fit_factor(wide.T @ gram @ wide, wide.T @ matched), curve
-    )
+    onset = int(ground.entries[max(int(np.argmax(curve)), least)])
+    return Spread(onset, *fit_factor(wide.T @ gram @ wide, wide.T @ matched), curve)
 
 
 def pooled(response: Response) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,7 @@ class McapLog:
         self._file = McapFile(path, warnings=self.refusals.notes)
         head = self._file.head()
         self.config_text = head.get("config", "")
+        self.known_noise: dict[str, Any] = json.loads(head.get("noise", "{}"))
         self._packed = "packed" in head.get("readings", "").split(",")
         self._ours = bool(head)
         self.description: Description | None = None

@@ -60,6 +60,7 @@ class McapWriter:
         layout: names, units and dtypes.
         config_text: the configuration the run has, as TOML; empty for an imported recording.
         packed, json_readings: which forms the readings get; at least one.
+        known_noise: what the run knew of the sensors' noise before its first reading (`engine.noise_learnt`).
     Raises: LogError where the file cannot be written.
     """
 
@@ -71,6 +72,7 @@ class McapWriter:
         *,
         packed: bool = True,
         json_readings: bool = False,
+        known_noise: Mapping[str, Any] | None = None,
     ) -> None:
         if not (packed or json_readings):
             raise ValueError("a recording without readings cannot be replayed")
@@ -95,6 +97,7 @@ class McapWriter:
                 "config": config_text,
                 "layout": describe(layout),
                 "readings": ",".join(forms),
+                **({"noise": json.dumps(known_noise)} if known_noise else {}),
             },
         )
         self._file.flush()

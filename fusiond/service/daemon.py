@@ -11,6 +11,7 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
+from fusiond.engine.noise_learnt import Learnt, learnt, recall
 from fusiond.engine.records import HAS_ARRIVAL
 from fusiond.recording.fault_words import fault_text
 from fusiond.service.admin import Admin
@@ -70,17 +71,20 @@ class Daemon:
     Args:
         assembly: gives `config`, `layout` and a fresh `engine()`.
         listen, connect: endpoints instead of the configuration's; empty: as configured.
+        known_noise: what an earlier run learnt of the sensors' noise.
     """
 
     def __init__(
         self, assembly: Any, *, listen: Sequence[str] = (), connect: Sequence[str] = (),
         recorder: Recorder | None = None, voice: Voice, clock: Clock | None = None, notifier: Notifier | None = None,
+        known_noise: Learnt | None = None,
     ) -> None:  # fmt: skip
         self.assembly = assembly
         self.settings: Settings = settings_of(assembly.config, assembly.layout, listen, connect)
         self.clock = clock or Clock()
         self.voice = voice
         self._recorder = recorder
+        self._known_noise = known_noise or {}
         self._notifier = notifier or Notifier()
         self._stopping = False
         self.preparing = False
@@ -109,6 +113,7 @@ class Daemon:
         self.preparing = True
         self.assembly.prepare()
         self.engine = self.assembly.engine()
+        recall(self.engine, self._known_noise)
         self._resets: NDArray[np.int64] = self.engine.track["resets"]
         self.preparing = False
         self.started_ns = self.clock.now_ns()
@@ -126,6 +131,10 @@ class Daemon:
         )  # fmt: skip
         self._open_keys()
         return self.sessions.endpoints
+
+    def learnt_noise(self) -> Learnt:
+        """What has been learnt of the sensors' noise; empty before startup."""
+        return self._known_noise if self._opened is None else learnt(self.engine)
 
     def main_loop(self) -> None:
         """Meet one deadline after the other until told to stop; readings are worked off by who brings them.
@@ -314,7 +323,7 @@ class Daemon:
             decoder=self._decoder, watch=self._watch, mailbox=self.mailbox, latest=self._outputs.latest,
             parity=self._locals.status(), repairs=self.engine.repairs, guard=self.engine.guard(),
             state_sha256=self.engine.state_sha256(),
-            recorder=self._recorder,
+            recorder=self._recorder, noise=learnt(self.engine),
             control={
                 "level": self._commands.level, "commands": self._commands.count, "missed": self._commands.missed,
                 **self._cost.told(),

@@ -141,6 +141,8 @@ def report_message(report: Any, layout: Layout, seq: int, epoch: int) -> Message
     sensor = layout.sensors[int(report["sensor"])]
     dof = int(report["dof"])
     vectors = {name: report[name][:dof].tolist() for name in ("nu", "S", "e", "R_used", "R_declared")}
+    pairs = zip(vectors["R_used"], vectors["R_declared"], strict=True)
+    vectors["R_ratio"] = [used / declared if declared > 0.0 else None for used, declared in pairs]
     return head(int(report["t_ns"]), seq, epoch) | vectors | {
         "sensor": sensor.name,
         "reading_seq": int(report["seq"]),

@@ -12,6 +12,7 @@ import structlog
 from fusiond.recording.background import BackgroundWriter
 from fusiond.recording.mcap_writer import McapWriter, keep_existing
 from fusiond.service.daemon import Daemon
+from fusiond.service.noise_file import noise_file, read_noise, write_noise
 from fusiond.service.signals import Interrupted, stopping_on_signals
 from fusiond.service.telemetry import Voice, set_up
 
@@ -36,8 +37,16 @@ def serve(
     voice = Voice(structlog.get_logger("fusiond"))
     if record is not None and (aside := keep_existing(record)) is not None:
         voice.info(f"recording: {record} was there; it is now {aside}")
-    recorder = None if record is None else BackgroundWriter(McapWriter(record, assembly.layout, config_text))
-    daemon = Daemon(assembly, listen=listen, connect=connect, recorder=recorder, voice=voice)
+    kept = noise_file() if assembly.layout.shape.adapt is not None else None
+    known, trouble = read_noise(kept)
+    if trouble:
+        voice.info(trouble)
+    recorder = None
+    if record is not None:
+        recorder = BackgroundWriter(McapWriter(record, assembly.layout, config_text, known_noise=known))
+    daemon = Daemon(
+        assembly, listen=listen, connect=connect, recorder=recorder, voice=voice, known_noise=known
+    )
     whole = True
     with stopping_on_signals(daemon.stop, lambda: daemon.preparing):
         try:
@@ -50,6 +59,8 @@ def serve(
             voice.info("stopped before it was ready")
         finally:
             whole = _end(daemon, recorder, voice)
+            if trouble := write_noise(kept, daemon.learnt_noise()):
+                voice.error(trouble)
     return 0 if whole else 1
 
 

@@ -52,7 +52,7 @@ def spoilt(
     for k in range(readings):
         active = {i: (lambda k, h, f=f: f(k - onset, h)) for i, f in fault.items()} if k >= onset else {}
         run.step(fault=active, input_fault=input_fault if k >= onset else 0.0)
-    return respond(run.window(), 1)
+    return respond(run.window(len(run.lines)), 1)
 
 
 def constant(*size: float) -> Fault:

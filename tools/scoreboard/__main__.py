@@ -17,6 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from tools.bench import table
+from tools.scoreboard.adaptation import adaptation_faults_part, adaptation_part
 from tools.scoreboard.board import FULL, QUICK, Effort, Part, Result
 from tools.scoreboard.control import control_part
 from tools.scoreboard.delays import reference_part, white_part
@@ -34,6 +35,7 @@ PARTS: dict[str, Part] = {
     "promise": promise_part, "wrong-noise": wrong_noise_part, "white": white_part, "reference": reference_part,
     "finite": finite_part, "drift": drift_part, "naming": naming_part,
     "exclusion": exclusion_part, "outages": outages_part, "kinds": kinds_part, "levels": levels_part,
+    "adaptation": adaptation_part, "adaptation-faults": adaptation_faults_part,
     "control": control_part, "loops": loops_part,
 }  # fmt: skip
 

@@ -45,20 +45,37 @@ set of both is the only right answer.
 
 {naming}
 
+## Noise that is not as declared
+
+What the methods are, and what the figures mean: [adaptation.md](adaptation.md).
+
+{adaptation}
+
+## Control
+
+What the laws do, and when the command is a safe one: [control.md](control.md).
+
+{control}
+
 ## What is left afterwards
 
 {after}
 """
 
 
-OTHER_PAGES = ("5.control.",)
-"""Rows that have a page of their own: docs/control.md."""
+ADAPTATION, CONTROL = "5.adapt.", "5.control."
+"""Beginnings of the identities of rows that have a section of their own."""
 
 
 def under(rows: list[Row], *prefixes: str) -> str:
-    """The rows whose identity begins with one of these, as a table."""
-    ours = [row for row in rows if not row.id.startswith(OTHER_PAGES)]
+    """The rows whose identity begins with one of these numbers, as a table; those with a section apart."""
+    ours = [row for row in rows if not row.id.startswith((ADAPTATION, CONTROL))]
     return table([row for row in ours if row.id.split(".")[0] in prefixes])
+
+
+def of(rows: list[Row], beginning: str) -> str:
+    """The rows whose identity begins so, as a table."""
+    return table([row for row in rows if row.id.startswith(beginning)])
 
 
 def write(path: Path, result: Result, quick: bool = False) -> None:
@@ -70,5 +87,6 @@ def write(path: Path, result: Result, quick: bool = False) -> None:
         day=datetime.now(UTC).date(), machine=machine(), quick=", few runs only" if quick else "", before=BEFORE,
         delay=under(result.rows, "2", "3", "4", "5"), promise=under(result.rows, "1"),
         naming=under(result.rows, "6"), after=under(result.rows, "7", "8", "9"),
+        adaptation=of(result.rows, ADAPTATION), control=of(result.rows, CONTROL),
     )  # fmt: skip
     path.write_text(text, encoding="utf-8")

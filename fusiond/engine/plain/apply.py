@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from fusiond.engine.step.adapt import begin_noise
 from fusiond.engine.step.apply import drive, repeats
 from fusiond.engine.step.decided import corrected, is_excluded
 from fusiond.engine.step.sizes import FILTERS
@@ -30,6 +31,7 @@ def start(track: Any, design: Any, t_ns: int) -> None:
     track.batch_size = 0
     track.sensor_seen[:] = 0
     track.sensor_t_ns[:] = t_ns
+    begin_noise(track, design)
 
 
 def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:

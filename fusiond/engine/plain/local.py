@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from fusiond.filters.innovation import Innovation
 from fusiond.fusion.information_sum import absorb
 
 from .choices import TOPOLOGY
@@ -21,11 +22,12 @@ from .recursion import condition, guarded
 def correct(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None:
     """Predict every filter to the reading, condition its sensor's own, and fuse. Writes x and P of all rows."""
     predict(track, design, work, 0, reading.t_ns)
-    describe(look(track, design, work, 0, reading), track.P[0], work, report)
+    row = design.local[reading.sensor]
+    central, x_before = look(track, design, work, 0, reading, corrects=False), track.x[row].copy()
+    seen = look(track, design, work, row, reading)
+    describe(Innovation(central.nu, central.H, seen.R), track.P[0], work, report)
     if gated(design, reading, report):
         return
-    row = design.local[reading.sensor]
-    seen, x_before = look(track, design, work, row, reading), track.x[row].copy()
     x, P = condition(track, design, track.x[row], track.P[row], seen)
     track.x[row], track.P[row] = wrap(design, x), P
     if TOPOLOGY == "information_sum":

@@ -10,15 +10,23 @@ from fusiond.engine.step.update import innovate, load_noise
 from fusiond.filters.innovation import Innovation, Matrix, Vector
 from fusiond.types import Verdict
 
+from .noise import declared, trusted
+
 GATED = int(Verdict.GATED)
 
 
-def look(track: Any, design: Any, work: Any, row: int, reading: Any) -> Innovation:
-    """The reading's innovation at the mean of filter `row`. Leaves its noise as U diag(d) U' in work.R_U, R_d."""
+def look(track: Any, design: Any, work: Any, row: int, reading: Any, *, corrects: bool = True) -> Innovation:
+    """The reading's innovation at the mean of filter `row`. Leaves its noise as U diag(d) U' in work.R_U, R_d.
+
+    Args:
+        corrects: whether it is about to correct this filter, whose innovation then tells of its noise.
+    """
     m = design.dof[reading.sensor]
     innovate(track, design, work, row, reading)
     load_noise(reading, design, work)
     work.R_d[:m] *= 1.0 + track.reaction.noise_excess[reading.sensor]
+    if corrects:
+        trusted(track, design, work, row, reading, track.P[row])
     U = np.triu(work.R_U[:m, :m], 1) + np.eye(m)
     return Innovation(work.nu[:m].copy(), work.H[:m].copy(), (U * work.R_d[:m]) @ U.T)
 
@@ -28,7 +36,9 @@ def describe(seen: Innovation, P: Matrix, work: Any, report: Any) -> None:
     m = seen.nu.shape[0]
     report.dof = m
     report.nu[:m] = seen.nu
-    report.R_used[:m] = report.R_declared[:m] = np.diagonal(seen.R)
+    report.R_used[:m] = np.diagonal(seen.R)
+    for i in range(m):
+        report.R_declared[i] = declared(work, i, report.R_used[i])
     report.S[:m] = np.diagonal(seen.H @ P @ seen.H.T + seen.R)
     report.e[:m] = whitened(seen, P, work.R_U[:m, :m], work.R_d[:m])
     report.nis = float(report.e[:m] @ report.e[:m])

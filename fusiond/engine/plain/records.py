@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fusiond.adapt.records import noise_dtype
 from fusiond.engine.records import Shape, design_dtype, record
 from fusiond.faults.records import reaction_dtype
 
@@ -21,6 +22,7 @@ def plain_track_dtype(shape: Shape) -> np.dtype[Any]:
     of design.draws.
     batch_*: the readings of one stamp and the estimate before them (topologies that fuse them together).
     honest: true covariance of an update that misreports its own (seed_averaged).
+    noise: adapt.records, where noise is estimated.
     """
     n, f, s, m, ni = shape.states, shape.filters, shape.sensors, shape.payload, shape.inputs
     return record(
@@ -37,6 +39,7 @@ def plain_track_dtype(shape: Shape) -> np.dtype[Any]:
         ("batch_size", "<i8"), ("batch_t_ns", "<i8"), ("batch_x", "<f8", (n,)), ("batch_P", "<f8", (n, n)),
         ("batch_honest", "<f8", (n, n)), ("batch_has", "<i8", (s,)), ("batch_nu", "<f8", (s, m)),
         ("batch_H", "<f8", (s, m, n)), ("batch_R", "<f8", (s, m, m)), ("honest", "<f8", (n, n)),
+        *([("noise", noise_dtype(shape.adapt, sensors=s, payload=m))] if shape.adapt else []),
     )  # fmt: skip
 
 

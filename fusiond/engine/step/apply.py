@@ -9,6 +9,7 @@ from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Hold, Role, Verdict
 
+from .adapt import begin_noise
 from .feed import stand_in
 from .monitor import corrected, fall_back, is_excluded, note_held, note_input
 from .pending import nothing_pending
@@ -43,6 +44,7 @@ def start(track: Any, design: Any, t_ns: int) -> None:
         track.sensor_seen[sensor] = 0
         track.sensor_t_ns[sensor] = t_ns
         track.gap_to_ns[sensor] = 0
+    begin_noise(track, design)
 
 
 @kernel

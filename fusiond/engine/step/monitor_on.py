@@ -68,7 +68,7 @@ def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> No
     line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, 1 if used else 0
     for i in range(dof):
         line.e[i], line.root[i] = work.e[i], work.root[i]
-        line.h[i], line.hdot[i] = work.h[i], work.hdot[i]
+        line.h[i], line.hdot[i], line.own[i] = work.h[i], work.hdot[i], work.own[i]
         for j in range(ERRORS):
             line.H[i, j] = work.H[i, j]
             line.K[i, j] = work.K[i, j]
@@ -206,9 +206,9 @@ def note_held(track: Any, design: Any, work: Any, reading: Any) -> None:
     monitor, sensor = track.monitor, reading.sensor
     monitor.held[sensor] += 1
     longest = max(monitor.held_longest[sensor], SHORTEST_HOLD)
-    if monitor.held[sensor] > HELD_LONGER * longest and moved(track, design, work, sensor):
-        if not is_excluded(track, sensor, reading.t_ns):
-            ask(monitor, FROZEN, sensor)
+    too_long = monitor.held[sensor] > HELD_LONGER * longest and not is_excluded(track, sensor, reading.t_ns)
+    if too_long and moved(track, design, work, sensor):
+        ask(monitor, FROZEN, sensor)
 
 
 @kernel

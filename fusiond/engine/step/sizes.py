@@ -14,6 +14,9 @@ CELLS = 0
 PROTECTED = 0
 GUARDED = 0
 WINDOW = 1
+ADAPTS = 0
+BINS = 0
+"""Filters that share the ladder of levels of the only updating sensor's noise, rows 1 to BINS."""
 STEADY = 0
 """Healthy silences for which a sensor must speak before it is silent no longer; 0 without fault detection."""
 SNAPSHOT_EVERY = 8

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from fusiond.numerics.kernel import kernel
-from fusiond.types import Alarm
+from fusiond.types import Alarm, Kind
 
-from .sizes import SENSORS
+from .sizes import ADAPTS, SENSORS
 
 VARIANCE, POOLED, WHITENESS, FROZEN = (
     int(Alarm.VARIANCE), int(Alarm.POOLED), int(Alarm.WHITENESS), int(Alarm.FROZEN),
 )  # fmt: skip
+NOISE = int(Kind.NOISE)
 SENSOR_RATIO = 4.0
 """Innovation variances four times and a quarter of the expected one are tested for, sensor by sensor."""
 POOLED_RATIO = 1.5
@@ -69,7 +70,8 @@ def test_scatter(track: Any, design: Any, work: Any, sensor: int, dof: int) -> N
         monitor.variance[sensor, k] = accumulate(
             monitor.variance[sensor, k], variance_gain(ratio, square, dof), limit
         )
-        if k == 1 and track.reaction.noise_excess[sensor] <= 0.0:
+        known = ADAPTS > 0 and track.reaction.kind[sensor] == NOISE
+        if k == 1 and not known and track.reaction.noise_excess[sensor] <= 0.0:
             monitor.variance[sensor, k] = 0.0  # less noise than declared is no fault, only the end of one
         if monitor.variance[sensor, k] >= limit:
             ask(monitor, VARIANCE, sensor)

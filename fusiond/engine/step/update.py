@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from fusiond.engine.records import CENTRAL, HAS_R
 from fusiond.numerics.arrays import copy_matrix, copy_vector
 from fusiond.numerics.discretise import wrap_angle
@@ -13,7 +11,8 @@ from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import ud_factor, ud_projected, whiten
 from fusiond.types import Verdict
 
-from .guard import begin_learning, forget_learning, fuse, note_learning
+from .adapt import declared_variance, fuse_channel, prepare, root_of, scale_slowly, trust
+from .guard import begin_learning, forget_learning, note_learning
 from .inject import settle
 from .monitor import after_look, after_update, before_update, undelay
 from .observe import observe
@@ -73,7 +72,7 @@ def describe_innovation(track: Any, design: Any, work: Any, reading: Any, report
             variance += work.R_U[i, j] * work.R_U[i, j] * work.R_d[j]
         report.nu[i] = work.nu[i]
         report.R_used[i] = variance
-        report.R_declared[i] = variance / (1.0 + track.reaction.noise_excess[reading.sensor])
+        report.R_declared[i] = declared_variance(track, work, reading.sensor, i, variance)
         report.S[i] = ud_projected(track.U[0], track.d[0], work.H[i]) + variance
 
 
@@ -94,8 +93,8 @@ def condition(track: Any, design: Any, work: Any, row: int, sensor: int) -> floa
         nu = work.nu[i]
         for j in range(ERRORS):
             nu -= work.H[i, j] * work.dx[j]
-        S = fuse(track.U[row], track.d[row], sensor, i, nu, design, work)
-        work.root[i] = np.sqrt(S)
+        S = fuse_channel(track, design, work, row, sensor, i, nu)
+        work.root[i] = root_of(work, i, S)
         work.e[i] = nu / work.root[i] if S > 0.0 else 0.0
         if row == CENTRAL:
             for j in range(ERRORS):
@@ -131,10 +130,12 @@ def meet(track: Any, design: Any, work: Any, row: int, reading: Any, report: Any
     """Predict filter `row` to the reading and take the innovation; the primary filter (row 0) also reports."""
     sensor = reading.sensor
     predict(track, design, work, row, reading.t_ns)
+    prepare(track, design, work, row, reading.t_ns)
     innovate(track, design, work, row, reading)
     load_noise(reading, design, work)
     for i in range(design.dof[sensor]):
         work.R_d[i] *= 1.0 + track.reaction.noise_excess[sensor]
+    trust(track, design, work, row, sensor)
     if row == CENTRAL:
         before_update(track, design, work, reading)
     undelay(track, design, work, reading)
@@ -167,6 +168,7 @@ def correct(track: Any, design: Any, work: Any, row: int, reading: Any, out: boo
         report.limit = gate
     if not used:
         report.verdict = EXCLUDED if out else GATED
+    scale_slowly(track, work, reading.sensor, dof)
     if out:
         after_look(track, design, work, reading)
     else:

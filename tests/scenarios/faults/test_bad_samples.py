@@ -127,7 +127,7 @@ def test_ten_thousand_readings_a_second_have_the_mean_of_one():
 
 
 def test_two_publishers_on_one_key_are_a_conflict_of_identity():
-    """A second sender numbers its readings as y2 does, 3 m away: refused as a conflict, y2 is garbage; over, it heals."""
+    """A second sender numbers its readings as y2 does, 3 m away: a conflict; y2 is garbage, later well."""
 
     def change(log, layout):
         log["flags"] |= HAS_SEQ

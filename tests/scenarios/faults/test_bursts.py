@@ -42,7 +42,7 @@ def test_a_drift_of_the_ultrasonic_is_not_taken_for_a_burst_that_no_reading_show
     [("broken", Kind.SILENT, 0.1), ("stuck", Kind.STUCK, 0.1), ("bias=0.5", Kind.BIAS, 1.0)],
 )
 def test_a_car_without_its_accelerometer_is_degraded_on_the_ultrasonic_alone(fault, kind, within_s):
-    """Broken, stuck or off by 0.5 m/s2 from 10 s on: named, the service degraded, the position within 0.2 m till 15 s."""
+    """Broken, stuck or off by 0.5 m/s2 from 10 s on: named, degraded, within 0.2 m till 15 s."""
     run = scene("minicar").drive(25.0, [f"accelerometer.{fault}@10"])
     verdict = run.named("accelerometer")
     assert verdict.kind is kind, run.story()
