@@ -52,7 +52,7 @@ def noisy(drive, seed, *faults):
 
 @pytest.mark.parametrize("name", ["dlc_60kmh", "dlc_100kmh", "jturn_60kmh", "jturn_100kmh"])
 def test_no_sensor_is_at_fault_up_to_100_kmh(manoeuvre, name):
-    """Double lane changes and J-turns up to 6 m/s2, with noise of two seeds: everything stays healthy; exact: nobody is named."""
+    """Double lane changes and J-turns up to 6 m/s2, noise of two seeds: all healthy; exact: nobody named."""
     drive = manoeuvre(name)
     assert drive.named(drive.run()) == set()  # without noise a doubt may be left open; nobody is named
     for seed in range(2):

@@ -11,10 +11,11 @@ pytestmark = pytest.mark.recordings("px4_iris")
 # linearised far from the truth: all five are suspected for the first 0.9 s (one set that nothing tells apart), nobody
 # is excluded. Whoever looks for faults starts at what the magnetometer says at rest, 24.7 degrees, within 0.1 rad.
 # The field of the place is what the reference filter starts with and later corrects: 0.02 gauss of it is no fault.
+FIELD = "field_x_gauss = 0.02\nfield_y_gauss = 0.02\nfield_z_gauss = 0.02\n"
 ALIGNED = {
     "state = { qw = 1.0 }": "state = { qw = 0.9768, qz = 0.2141 }",
     "attitude_z_rad = 0.6": "attitude_z_rad = 0.1",
-    'unit = "gauss"': 'unit = "gauss"\ntolerance = { field_x_gauss = 0.02, field_y_gauss = 0.02, field_z_gauss = 0.02 }',
+    'repeats = "held"': 'repeats = "held"\n[sensor.magnetometer.tolerance]\n' + FIELD,
 }
 
 
