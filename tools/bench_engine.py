@@ -143,6 +143,30 @@ def flight_engine_us() -> float:
     return engine_us(assembly.engine(), records(assembly.layout, sorted(readings, key=lambda one: one.t_ns)))
 
 
+def bench_control(repeats: int = 25) -> dict[str, float]:
+    """Readings of the mini car: no law, PD, LQG with integral action, 100 commands a second; us each."""
+    from fusiond.simulation.registry import simulate
+    from tools.pages.trials import configured, records
+
+    readings = simulate("minicar", seed=0, duration_s=20.0).readings
+    found = {}
+    chosen: dict[str, tuple[str, dict[str, Any]]] = {
+        "none": ("minicar", {"control": None}), "pd": ("minicar", {}), "lqg": ("minicar_lqg", {}),
+    }  # fmt: skip
+    for name, (config, changes) in chosen.items():
+        assembly = configured(config, changes)
+        engine, given = assembly.engine(), records(assembly.layout, readings)
+        engine.process(given[:1])
+        best = float("inf")
+        for _ in range(repeats):
+            engine.reset()
+            began = time.perf_counter()
+            engine.process(given)
+            best = min(best, time.perf_counter() - began)
+        found[f"{name}_us"] = best / len(given) * 1e6
+    return found
+
+
 def minicar_log(folder: Path, duration_s: float) -> tuple[Path, Path]:
     """The mini car's log as CSV and as packed MCAP."""
     from fusiond.simulation.logs import write_log
