@@ -15,6 +15,7 @@ from scipy.stats import chi2
 from fusiond.assembly.course import course_of, rate_hz
 from fusiond.assembly.moving import TESTS_EACH, MovingCell, moving_cells, moving_sensors
 from fusiond.assembly.resolve import Resolved, by_key
+from fusiond.config import FaultsSection
 from fusiond.engine.layout import Layout
 from fusiond.faults.course import Course, Curve, Signatures, Suspect, signatures
 from fusiond.faults.sizes import LONGEST, Ladder, ladder
@@ -39,12 +40,17 @@ SENSOR_RATIO, POOLED_RATIO = 4.0, 1.5
 """Variance ratios tested for, sensor by sensor and all together; their inverses too."""
 
 
+SLOWEST, MOST = 64, 2048
+"""The window holds so many readings of its slowest sensor, and at most so many in all."""
+
+
 @dataclass(frozen=True, slots=True)
 class Detection:
     """Every test's numbers; s sensors (inputs included), c cells sorted by sensor.
 
     Args:
-        promise: what they were derived from.   tests: number of tests the promise is shared among, the merged once.
+        promise: what they were derived from.   window: readings of evidence kept.
+        tests: number of tests the promise is shared among, the merged once.
         cell_sensor, cell_channel, cell_is_input: (c,) what a cell suspects; channel of the reading (-1: all of them),
           or process input.   cell_kind: (c,) types.Kind, a bias, a scale or a delay.
         cell_theta: (c,) signed size, in the channel's or the input's unit.   cell_tolerance: error that is no fault.
@@ -58,6 +64,7 @@ class Detection:
     """
 
     promise: Promise
+    window: int
     tests: float
     cell_sensor: Integers
     cell_channel: Integers
@@ -205,6 +212,18 @@ def count_tests(found: Signatures, ladders: list[Ladder], updating: int) -> floa
     return cells + 4.0 * updating + 3.0
 
 
+def window_of(resolved: Resolved) -> int:
+    """Readings the window holds: of the slowest sensor SLOWEST of them.
+
+    Where lasting errors are tolerated no more than configured: for longer, a tolerated error wanders as a fault does.
+    """
+    least = (resolved.config.faults or FaultsSection()).window
+    if any(tolerance_of(resolved, suspect) > 0.0 for suspect in suspects_of(resolved)):
+        return least
+    rates = [rate_hz(resolved, sensor) for sensor in resolved.updating]
+    return max(least, min(math.ceil(SLOWEST / min(rates) * sum(rates)), MOST))
+
+
 def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detection:
     """Design every test of a configuration.
 
@@ -221,7 +240,9 @@ def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detect
         ladder(curves[0], readings_between(promise, guess, curves[0].readings_per_s), blind)
         for curves, blind in zip(found.curves, tolerated, strict=True)
     ]
-    moving = moving_sensors(resolved, dict(zip(suspects, tolerated, strict=True)))
+    window = window_of(resolved)
+    window_s = window / sum(rate_hz(resolved, sensor) for sensor in resolved.updating)
+    moving = moving_sensors(resolved, dict(zip(suspects, tolerated, strict=True)), window_s)
     tests = count_tests(found, ladders, updating) + TESTS_EACH * len(moving)
     rates = np.array([rate_hz(resolved, resolved.sensors[suspect.sensor]) for suspect in suspects])
     total_rate = sum(rate_hz(resolved, sensor) for sensor in resolved.updating)
@@ -242,6 +263,7 @@ def detection_of(resolved: Resolved, layout: Layout, promise: Promise) -> Detect
     gate = np.where([one.role is Role.UPDATE for one in resolved.sensors], chi2.isf(GATE_SHARE, dof), 0.0)
     return Detection(
         promise=promise,
+        window=window,
         tests=tests,
         cell_sensor=sensor,
         cell_channel=columns["channel"].astype(np.int64),

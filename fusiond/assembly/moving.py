@@ -29,6 +29,8 @@ OVER = (2.0, 8.0)
 """Sizes over the smallest that the trial motion shows within the longest wait."""
 LARGEST_SCALE = 0.5
 """No cell looks for a larger relative error."""
+SHORTEST_S = 5.0
+"""Evidence of a shorter time cannot tell these errors from a bias: an alarm could only be misjudged."""
 TESTS_EACH = 2.0
 """Tests of the usual kind that a sensor's cells are worth: they run longer to an alarm than their threshold says."""
 
@@ -55,9 +57,9 @@ def is_stationary(resolved: Resolved) -> bool:
     )
 
 
-def moving_sensors(resolved: Resolved, tolerated: dict[Suspect, float]) -> list[int]:
-    """Numbers of the sensors that get such cells."""
-    if is_stationary(resolved):
+def moving_sensors(resolved: Resolved, tolerated: dict[Suspect, float], window_s: float) -> list[int]:
+    """Numbers of the sensors that get such cells; none where evidence is kept for too short a time to show motion."""
+    if is_stationary(resolved) or window_s < SHORTEST_S:
         return []
     allowed = {suspect.sensor for suspect, limit in tolerated.items() if limit > 0.0}
     numbers = [k for k, sensor in enumerate(resolved.sensors) if sensor in resolved.updating]

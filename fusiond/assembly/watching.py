@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,8 +23,6 @@ from fusiond.types import Role, nanoseconds
 
 SILENT_PERIODS = 2.5
 """Periods without a reading after which a regular stream is silent; an irregular one is given what it needs."""
-SLOWEST, MOST = 64, 2048
-"""The window holds so many readings of its slowest sensor, and at most so many in all."""
 USUAL_S = 5.0
 """Over how long the usual value of an input is taken."""
 PROFILES = {"sharp": SHARP, "robust": ROBUST}
@@ -35,17 +32,6 @@ def promise_of(section: FaultsSection) -> Promise:
     """What the operator is promised."""
     dead_band, studentise = PROFILES[section.profile]
     return Promise(section.mean_time_between_false_alarms_s, dead_band, studentise)
-
-
-def window_of(resolved: Resolved, least: int) -> int:
-    """Readings the window holds: of the slowest sensor SLOWEST of them.
-
-    Where lasting errors are tolerated no more than `least`: for longer, a tolerated error wanders as a fault does.
-    """
-    if any(tolerance_of(resolved, suspect) > 0.0 for suspect in suspects_of(resolved)):
-        return least
-    rates = [rate_hz(resolved, sensor) for sensor in resolved.updating]
-    return max(least, min(math.ceil(SLOWEST / min(rates) * sum(rates)), MOST))
 
 
 def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | None]:
@@ -59,7 +45,7 @@ def watched(resolved: Resolved, layout: Layout) -> tuple[Layout, Detection | Non
     if layout.plain:
         return layout, None
     detection = detection_of(resolved, layout, promise_of(section))
-    shape = replace(layout.shape, cells=detection.cells, window=window_of(resolved, section.window))
+    shape = replace(layout.shape, cells=detection.cells, window=detection.window)
     return replace(layout, shape=shape), detection
 
 

@@ -106,15 +106,17 @@ def test_a_number_nobody_has_is_an_unknown_sensor(warm, number):
     ],
     ids=str,
 )
-def test_a_repeated_sequence_number_is_a_duplicate(warm, sent, kept):
-    """Whatever its stamp and numbers; a number that was skipped may still come."""
+@pytest.mark.parametrize("refused", [Verdict.DUPLICATE, Verdict.CONFLICT])
+def test_a_repeated_sequence_number_is_refused(warm, sent, kept, refused):
+    """As a duplicate, or as a conflict with other stamp and numbers; a number that was skipped may still come."""
     used = []
     for k, seq in enumerate(sent):
-        report = one(warm, "c", 2 * SECOND + (k + 1) * MS, [float(k)], seq=seq)
+        same = sent.index(seq) if refused is Verdict.DUPLICATE else k
+        report = one(warm, "c", 2 * SECOND + (same + 1) * MS, [float(same)], seq=seq)
         if report["verdict"] == Verdict.USED:
             used.append(seq)
         else:
-            assert report["verdict"] == Verdict.DUPLICATE
+            assert report["verdict"] == refused
     assert used == kept
 
 

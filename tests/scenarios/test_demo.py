@@ -154,6 +154,6 @@ def test_a_name_nobody_knows_is_the_operators_mistake():
     done = subprocess.run(command("mincar"), capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 2
     assert done.stderr.strip() == (
-        "demo mincar: no plant of that name; "
-        "choose one of birotor, ground_vehicle, minicar, reference_plant, square_robot, square_robot_gyro, wall_robot"
+        "demo mincar: no plant of that name; choose one of birotor, birotor_lqg, ground_vehicle, minicar, minicar_lqg, "
+        "reference_plant, square_robot, square_robot_gyro, wall_robot"
     )
