@@ -15,14 +15,13 @@ HOLD = 5
 def holding(log, layout, stuck_from_s=np.inf, stuck_to_s=np.inf):
     """The log with y3 holding each fifth value, and one from a time to another."""
     mine = np.flatnonzero(log["sensor"] == layout.numbers["y3"])
-    source = np.arange(len(mine)) // HOLD * HOLD
-    t_ns = log["t_ns"][mine]
-    if np.isfinite(stuck_from_s):
-        first = int(np.searchsorted(t_ns, lasting(stuck_from_s)))
-        stuck = np.arange(len(mine)) >= first
-        if np.isfinite(stuck_to_s):
-            stuck &= t_ns < lasting(stuck_to_s)
-        source[stuck] = source[first]
+    k, t_ns = np.arange(len(mine)), log["t_ns"][mine]
+    first, last = (
+        int(np.searchsorted(t_ns, lasting(s))) if np.isfinite(s) else len(k)
+        for s in (stuck_from_s, stuck_to_s)
+    )
+    source = np.where(k < last, k // HOLD * HOLD, last + (k - last) // HOLD * HOLD)
+    source[first:last] = first
     log["z"][mine] = log["z"][mine][source]
     return log
 
