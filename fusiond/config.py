@@ -267,8 +267,8 @@ class ControlSection(Section):
     dead_reckoning_s: NotNegative | None = None
     """Longest time that commands come from dead reckoning; by default until the estimate is invalid."""
     doubt_s: NotNegative | None = None
-    """Longest time that commands come from an estimate that no sound sensor corrects, only suspect or faulty ones; by
-    default no limit."""
+    """Longest time that commands come from an estimate that no sound sensor corrects, only suspect or faulty ones
+    (where noise is estimated, one that is but noisier than declared is sound); by default no limit."""
     largest_std: dict[str, Positive] = {}
     """Deviations of the estimate, by name with unit, above which nothing is commanded but the safe command."""
     safe: Literal["hold", "zero", "ramp"] = "hold"

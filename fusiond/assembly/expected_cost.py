@@ -23,6 +23,7 @@ from fusiond.types import Role
 MOST = 6
 """Sensors up to which every set is looked at; with more of them only what is left without any one."""
 SAME_S = 1e-9
+"""Moments no further apart are one."""
 
 
 @dataclass(frozen=True, slots=True)

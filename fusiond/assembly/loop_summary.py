@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
-from fusiond.assembly.expected_cost import expected_costs
+from fusiond.assembly.expected_cost import SAME_S, expected_costs
 from fusiond.assembly.resolve import Resolved
 from fusiond.assembly.settled import Mover, events_of, settled_at_begin
 from fusiond.control.margins import DiskMargin, Loop, disk_margin, estimated_loop, regulator_loop
 from fusiond.control.plant import Plan
 from fusiond.numerics.riccati import Matrix
-
-SAME_S = 1e-9
 
 
 def margins_of(resolved: Resolved) -> dict[str, Any]:
@@ -73,11 +72,7 @@ def _with_filter(resolved: Resolved, plan: Plan) -> Loop | None:
     if P is None:
         return None
     H: Matrix = np.vstack([event.H for event in events])
-    R = np.zeros((len(H), len(H)))
-    row = 0
-    for event in events:
-        R[row : row + len(event.R), row : row + len(event.R)] = event.R
-        row += len(event.R)
+    R: Matrix = block_diag(*(event.R for event in events))
     S = H @ P @ H.T + R
     gain: Matrix = np.asarray(np.linalg.solve(S, H @ P).T, dtype=np.float64)
     return estimated_loop(plan, H, gain)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -76,9 +77,14 @@ def show_check(result: Mapping[str, Any]) -> None:
         table.add_row(sensor["name"], sensor["role"], " ".join(sensor["channels"]), silence, lost)
     console.print(table)
     console.print(
-        f"filters: {', '.join(result['filters'])}; {result['bytes']['track']} bytes of state; "
+        f"filters: {_filters(result['filters'])}; {result['bytes']['track']} bytes of state; "
         f"readings up to {result['reordered_within_s']:g} s late are put in their place"
     )
+
+
+def _filters(names: Sequence[str]) -> str:
+    """`all, without y1`; those of one name, which share a sensor's levels of noise, counted."""
+    return ", ".join(name if count == 1 else f"{count} x {name}" for name, count in Counter(names).items())
 
 
 def show_adaptation(result: Mapping[str, Any]) -> None:

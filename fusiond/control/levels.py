@@ -50,7 +50,8 @@ def level_of(service: int, has_reference: bool, trusted: bool, reckoned_ns: int,
     """The level of a command.
 
     Args:
-        service: health of the service, of a state that is finite.   trusted: no deviation is too large.
+        service: health of the service, of a state that is finite.   trusted: no deviation is too large, and a sound
+        sensor has corrected the state not too long ago.
         reckoned_ns: how long dead reckoning has lasted.   patience_ns: how long it may.
     """
     if service == INVALID or not has_reference or not trusted:

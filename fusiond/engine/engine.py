@@ -224,6 +224,10 @@ class Engine:
         """Channels that a sensor measures."""
         return int(self._design[0]["dof"][sensor])
 
+    def adapts(self, sensor: int) -> bool:
+        """Whether the sensor's noise is estimated."""
+        return self.layout.shape.adapt is not None and bool(self._design[0]["noise"]["adapts"][sensor])
+
     def noise_limits(self, sensor: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """Smallest and largest R / declared by channel, and the share of the slow R left after a reading."""
         made = self._design[0]["noise"]

@@ -303,11 +303,12 @@ class Judge:
     def _weigh_down(self, reactions: Reactions, fit: Fit) -> None:
         """The sensor is noisier, or quieter again, than was thought: use the noise it has.
 
-        Where noise is estimated that is done already, and the monitors alone are told.
+        Where the sensor's noise is estimated that is done already, and the monitors alone are told.
         """
         for sensor in fit.place:
             variance = float(fit.size[0]) ** 2 * reactions.noise_ratio(sensor)
-            if reactions.adapts:
+            estimated = reactions.engine.adapts(sensor)
+            if estimated:
                 reactions.scale_noise(sensor, float(fit.size[0]) ** 2)
             if variance < 1.5**2:
                 reactions.clear(sensor)
@@ -317,7 +318,7 @@ class Judge:
             else:
                 reactions.name(sensor, fit, Kind.NOISE, Health.FAULTY)
                 reactions.write("size", float(np.sqrt(variance)), sensor)
-                if not reactions.adapts:
+                if not estimated:
                     reactions.write("noise_excess", variance - 1.0, sensor)
         reactions.since(fit.onset)
         reactions.replay()

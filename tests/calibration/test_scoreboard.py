@@ -51,9 +51,15 @@ def test_a_wrong_plant_keeps_the_variance_of_correlated_noise():
 
 def test_a_short_run_ends_with_its_rows_as_one_json_object(capsys, tmp_path):
     page = tmp_path / "scoreboard.md"
-    main(["--quick", "--only", "white", "--processes", "1", "--write", str(page)])
+    options = ["--quick", "--processes", "1", "--write", str(page), "--keep", str(tmp_path / "kept")]
+    main([*options, "--only", "white"])
     rows = json.loads(capsys.readouterr().out.splitlines()[-1])["rows"]
     assert {row["id"] for row in rows} >= {"2.white.sharp.0.5", "2.white.sharp.3.0", "2.service.robust.1.0"}
     assert all(0.8 < row["ratio"] < 2.0 for row in rows if row["id"].startswith("2.white"))
     assert (tmp_path / "pictures" / "scoreboard_delay.svg").is_file()
     assert "exact CUSUM" in page.read_text(encoding="utf-8")
+
+    main([*options, "--only", "outages"])
+    both = json.loads(capsys.readouterr().out.splitlines()[-1])["rows"]
+    assert both[: len(rows)] == rows
+    assert len(both) > len(rows)

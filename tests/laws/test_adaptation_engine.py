@@ -195,7 +195,7 @@ def test_a_recording_replays_to_the_same_bits_with_what_was_known_at_its_start(t
     [("federated", "ud"), ("information_sum", "ud"), ("stacked", "ud"), ("centralized", "conventional")],
 )
 def test_every_topology_finds_which_sensor_is_noisy(method, topology, recursion):
-    """R of the sensor with five times its declared deviation is found within a third, of the sound one as well."""
+    """R of the sensor with five times its declared deviation is found within a third, of the sound within a half."""
     text = text_of(adaptation=f'[adaptation]\nmethod = "{method}"', topology=topology, recursion=recursion)
     assembly = assemble(parse(text, "test"))
     reports = assembly.engine().process(pair_readings(assembly))[400:]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from fusiond.control.levels import Level, Safe, level_of, safe_command
 from fusiond.control.saturation import left_of_fade, limited, slewed
-from fusiond.types import TICK, Role, ServiceHealth
+from fusiond.engine.step import steer_on
+from fusiond.numerics.kernel import interpreted
+from fusiond.types import TICK, Health, Kind, Role, ServiceHealth
 from tools.pages.trials import configured
 
 SECOND = 1_000_000_000
@@ -76,6 +80,22 @@ def test_a_safe_command_holds_goes_to_rest_or_on_a_straight_line():
     assert safe_command(int(Safe.ZERO), 0.7, 0.9, 0.1, 5, 10) == 0.1
     assert safe_command(int(Safe.RAMP), 0.7, 0.9, 0.1, 5, 10) == pytest.approx(0.5)
     assert safe_command(int(Safe.RAMP), 0.7, 0.9, 0.1, 10, 10) == 0.1
+
+
+@pytest.mark.parametrize(("estimated", "sound"), [(0, False), (1, True)])
+def test_more_noise_is_a_doubt_only_where_it_is_not_estimated(monkeypatch, estimated, sound):
+    """A sensor named noisy still counts as sound beside adaptation; one that lies, is suspect or out never does."""
+    monkeypatch.setattr(steer_on, "ADAPTS", estimated)
+    design = SimpleNamespace(role=[Role.UPDATE])
+
+    def judged(health, kind):
+        return interpreted(steer_on.is_sound)(design, SimpleNamespace(health=[health], fault=[kind]), 0)
+
+    assert judged(Health.FAULTY, Kind.NOISE) is sound
+    assert judged(Health.HEALTHY, Kind.NONE)
+    assert not judged(Health.FAULTY, Kind.BIAS)
+    assert not judged(Health.SUSPECT, Kind.NOISE)
+    assert not judged(Health.EXCLUDED, Kind.NOISE)
 
 
 def test_limits_slew_and_fade_are_what_they_say():

@@ -52,7 +52,7 @@ def test_many_sensors_are_lost_one_at_a_time():
 
 
 def test_the_settled_covariance_is_where_the_recursion_rests():
-    """Against a thousand periods of the mini car's filter, thirty accelerometer readings to one range."""
+    """Against four thousand periods of the mini car's filter, thirty accelerometer readings to one range."""
     resolved = configured("minicar_lqg", {"model": {"bias_noise_m_s2_sqrt_s": 1e-2}}).resolved
     events, period_s = events_of(resolved)
     mover = Mover(resolved)

@@ -52,10 +52,11 @@ def noisy(drive, seed, *faults):
 
 @pytest.mark.parametrize("name", ["dlc_60kmh", "dlc_100kmh", "jturn_60kmh", "jturn_100kmh"])
 def test_no_sensor_is_at_fault_up_to_100_kmh(manoeuvre, name):
-    """Double lane changes and J-turns up to 6 m/s2, exact and with noise of two seeds: everything stays healthy."""
+    """Double lane changes and J-turns up to 6 m/s2, noise of two seeds: all healthy; exact: nobody named."""
     drive = manoeuvre(name)
-    runs = [drive.run(), *(noisy(drive, seed) for seed in range(2))]
-    for reports in runs:
+    assert drive.named(drive.run()) == set()  # without noise a doubt may be left open; nobody is named
+    for seed in range(2):
+        reports = noisy(drive, seed)
         assert not reports["health"].any()
         assert not reports["model"].any()
 

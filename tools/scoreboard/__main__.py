@@ -1,9 +1,10 @@
 """`make scoreboard`: how fast faults are found, over the limit; the last line is one JSON object.
 
-    python -m tools.scoreboard [--write docs/scoreboard.md] [--quick] [--only PART]
+    python -m tools.scoreboard [--write docs/scoreboard.md] [--quick] [--only PART] [--keep DIR]
 
 Every row runs a configuration through the engine's step, with thresholds from the configuration alone, on seeds that
-nothing was derived from. `--write` also writes the page and its pictures.
+nothing was derived from. `--write` also writes the page and its pictures. With `--keep` what is measured is kept in a
+folder, and parts not measured now are taken from there.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from tools.scoreboard.drifts import drift_part
 from tools.scoreboard.exclusion import exclusion_part
 from tools.scoreboard.false_alarms import promise_part, wrong_noise_part
 from tools.scoreboard.information import finite_part
+from tools.scoreboard.keeping import keep, kept
 from tools.scoreboard.kinds import kinds_part
 from tools.scoreboard.levels import levels_part
 from tools.scoreboard.loops import loops_part
@@ -48,13 +50,19 @@ def measured(name: str, effort: Effort) -> Result:
     return result
 
 
-def together(names: list[str], effort: Effort, processes: int) -> Result:
-    """The parts in the order given, run side by side."""
-    whole = Result()
+def together(names: list[str], effort: Effort, processes: int, folder: Path | None = None) -> Result:
+    """The parts named, run side by side, among those kept in the folder."""
+    found: dict[str, Result] = {}
     with ProcessPoolExecutor(processes) as pool:
-        for part in pool.map(measured, names, [effort] * len(names)):
-            whole.rows += part.rows
-            whole.curves |= part.curves
+        for name, part in zip(names, pool.map(measured, names, [effort] * len(names)), strict=True):
+            found[name] = part
+            if folder is not None:
+                keep(folder, name, part)
+    whole = Result()
+    for name in PARTS:
+        part = found.get(name) or (kept(folder, name) if folder is not None else Result())
+        whole.rows += part.rows
+        whole.curves |= part.curves
     return whole
 
 
@@ -67,8 +75,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--quick", action="store_true", help="few runs: whether it works, not how well")
     parser.add_argument("--processes", type=int, default=2, help="parts measured side by side")
     parser.add_argument("--write", type=Path, help="write the page there")
+    parser.add_argument(
+        "--keep", type=Path, help="keep what is measured in this folder; use what is kept there"
+    )
     chosen = parser.parse_args(arguments)
-    result = together(chosen.only or list(PARTS), QUICK if chosen.quick else FULL, chosen.processes)
+    effort = QUICK if chosen.quick else FULL
+    result = together(chosen.only or list(PARTS), effort, chosen.processes, chosen.keep)
     print(table(result.rows), file=sys.stderr)
     if chosen.write:
         from tools.scoreboard.page import write  # matplotlib, which measuring does without

@@ -14,16 +14,18 @@ from fusiond.control.levels import SAFE, level_of, safe_command
 from fusiond.control.saturation import left_of_fade, limited, slewed
 from fusiond.numerics.arrays import copy_vector
 from fusiond.numerics.kernel import kernel
-from fusiond.types import Health, Role
+from fusiond.types import Health, Kind, Role
 
 from .law import command, cost
-from .sizes import CONTROLS, ERRORS, SENSORS
+from .sizes import ADAPTS, CONTROLS, ERRORS, SENSORS
 
 UPDATE = int(Role.UPDATE)
 HEALTHY = int(Health.HEALTHY)
+FAULTY = int(Health.FAULTY)
 EXCLUDED = int(Health.EXCLUDED)
 PROBATION = int(Health.PROBATION)
 SILENT = int(Health.SILENT)
+NOISE = int(Kind.NOISE)
 
 
 @kernel
@@ -72,11 +74,19 @@ def trusts(design: Any, report: Any) -> bool:
 
 
 @kernel
+def is_sound(design: Any, report: Any, sensor: int) -> bool:
+    """Whether the sensor corrects the state and is beyond doubt: where noise is estimated, more of it is no lie."""
+    health = report.health[sensor]
+    noisy = ADAPTS > 0 and health == FAULTY and report.fault[sensor] == NOISE
+    return bool(design.role[sensor] == UPDATE and (health == HEALTHY or noisy))
+
+
+@kernel
 def doubts(desk: Any, design: Any, now_ns: int, report: Any) -> bool:
     """Whether for too long no sensor that is beyond doubt has been correcting the state."""
     sound = False
     for sensor in range(SENSORS):
-        sound = sound or (design.role[sensor] == UPDATE and report.health[sensor] == HEALTHY)
+        sound = sound or is_sound(design, report, sensor)
     if sound:
         desk.doubt_since_ns = 0
         return False

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fusiond.types import Kind, Verdict
@@ -54,6 +56,23 @@ def test_the_end_of_the_noise_is_the_end_of_the_fault():
     assert first(reports, Kind.NOISE, 400) > 0
     assert reports["fault"][-1, 0] == Kind.NONE
     assert 0.5 < np.median(reports["R_used"][1000:, 0]) / R < 2.0
+
+
+def test_a_sensor_whose_noise_is_not_to_be_estimated_is_weighed_down_once_it_is_named():
+    """Told that R of this sensor is as declared, the reaction to noise is that of a run without adaptation."""
+    # GIVEN adaptation that leaves this sensor out; WHEN its noise grows tenfold after 300 readings
+    design = adapted().design.copy()
+    design["noise"]["adapts"] = 0
+    for seed in range(2):
+        engine = replace(adapted(), design=design).engine()
+        reports = engine.process(readings_of(measured(600, np.repeat([0.1, 1.0], 300), 20 + seed))).copy()
+
+        # THEN R in use is as declared until it is named noise, and about a hundred times that from then on
+        named = 300 + first(reports, Kind.NOISE, 300)
+        assert 300 < named <= 330
+        np.testing.assert_allclose(reports["R_used"][:300, 0], R)
+        assert 40.0 < np.median(reports["R_used"][400:, 0]) / R < 200.0
+        assert np.mean(reports["verdict"][400:] == Verdict.USED) > 0.99
 
 
 def test_a_step_of_ten_sigma_is_not_taken_for_noise():

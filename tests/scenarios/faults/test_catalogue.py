@@ -29,7 +29,7 @@ def test_noise_ten_times_the_declared_one_locks_nobody_out():
 
 @pytest.mark.parametrize("count", [1, 10])
 def test_stamps_150_ms_too_early_move_no_state_and_no_flag(count):
-    """One or ten readings of the gyro stamped 150 ms early are put in place there: no flag, no jump (F12)."""
+    """One or ten readings of the gyro stamped 150 ms early: no jump; ten leave a gap, and that is silence (F12)."""
     stage = scene("plane")
 
     def change(log, layout):
@@ -39,6 +39,7 @@ def test_stamps_150_ms_too_early_move_no_state_and_no_flag(count):
 
     clean, run = stage.drive(30.0), stage.drive(30.0, change=change)
     assert np.array_equal(clean.health("gyro")[-1:], run.health("gyro")[-1:])
-    assert Health.EXCLUDED not in {turn.health for turn in run.turns("gyro")}, run.story()
+    assert {turn.health for turn in run.turns("gyro")} <= {Health.HEALTHY, Health.SILENT}, run.story()
+    assert count == 10 or run.story() == "nobody was ever blamed"
     moved = np.abs(run.reports["x"][-1] - clean.reports["x"][-1])
     assert np.all(moved <= clean.reports["std"][-1])
