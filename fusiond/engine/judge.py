@@ -5,6 +5,7 @@ decides before the next is looked at. Health of a sensor, and what moves it:
 
 | from | on | to | and the estimator |
 |---|---|---|---|
+| healthy | an alarm that one reading of a sensor alone explains | healthy | waits for the next; a spike is forgotten |
 | healthy | an alarm that isolation cannot settle yet | suspect | goes on; the case is reviewed as readings come |
 | healthy, suspect | isolated; the rest sees every state | excluded | becomes the filter that never had the sensor |
 | healthy, suspect | isolated; the rest does not | faulty | takes the error off every reading since the onset |
@@ -127,7 +128,11 @@ class Judge:
         undecided = finding.outcome is Outcome.UNDECIDED
         if finding.fit is not None and finding.fit.kind is not Kind.NOISE:
             reactions.freeze(finding.sensors)
-        if undecided and age <= self.layout.shape.window // 2:
+        if self._alone(reactions, finding) and age <= self.layout.shape.window // 2:
+            desk["review_at"] = entries + (self._step if age > 0 else self._until_next(reactions, finding))
+        elif self._bad_sample(reactions, finding):
+            reactions.close()
+        elif undecided and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + max(self._step, int(PATIENCE * age))
             if age > 0:
                 reactions.suspect(finding.sensors)
@@ -142,6 +147,31 @@ class Judge:
             reactions.close()
             if finding.outcome in (Outcome.ONE, Outcome.GROUP):
                 self._react(reactions, finding)
+
+    def _alone(self, reactions: Reactions, finding: Finding) -> bool:
+        """Whether a single reading of the sensor says it all: that may be a bad sample, which its next one tells.
+
+        Nor are one bad and one sound reading scatter.
+        """
+        fit = finding.fit
+        if fit is None or fit.ground.is_input:
+            return False
+        since = reactions.window["sensor"][fit.onset :]
+        return int(np.isin(since, fit.place).sum()) <= (2 if fit.kind is Kind.NOISE else 1) * len(fit.place)
+
+    def _until_next(self, reactions: Reactions, finding: Finding) -> int:
+        """Entries until the sensor's next reading is to be expected: as many as to its last one."""
+        place = finding.fit.place if finding.fit else ()
+        own = np.flatnonzero(np.isin(reactions.window["sensor"], place))
+        return int(own[-1] - own[-2]) if len(own) > 1 else 1
+
+    def _bad_sample(self, reactions: Reactions, finding: Finding) -> bool:
+        """Whether the reading that raised the alarm, or one before, was a spike, and its sensor is sound since."""
+        fit = finding.fit
+        if fit is None or fit.ground.is_input or fit.kind is not Kind.SPIKE:
+            return False
+        entry = reactions.entries - len(reactions.window) + fit.onset
+        return entry < int(reactions.engine.desk[0]["case_at"])
 
     def _matters(self, reactions: Reactions, finding: Finding) -> bool:
         """Whether it is a fault: no error within tolerance, no less noise than declared."""

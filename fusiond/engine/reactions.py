@@ -338,9 +338,17 @@ class Reactions:
         g = response.carried[:, columns].sum(axis=1) * std
         for row, filtered in enumerate(self._layout.filters):
             if filtered.hears in ("all", "level"):
-                P = self.engine.covariance(row) + np.outer(g, g)
-                U, d = np.eye(len(P)), np.zeros(len(P))
-                if interpreted(ud_factor)(P, U, d, 1e-9):
-                    self.engine.track[0]["U"][row], self.engine.track[0]["d"][row] = U, d
-                    if self._layout.shape.lazy:
-                        self.engine.track[0]["pending"][row] = 0  # P holds what was pending
+                widen(self.engine, row, g)
+
+
+def widen(engine: Engine, row: int, g: NDArray[np.float64]) -> None:
+    """Add g g' to the covariance of one filter, with what is pending of it; as it was where that has no factors.
+
+    Law: tests/laws/test_covariance_rate.py::test_a_widened_covariance_is_that_of_the_full_rate.
+    """
+    P = engine.covariance(row) + np.outer(g, g)
+    U, d = np.eye(len(P)), np.zeros(len(P))
+    if interpreted(ud_factor)(P, U, d, 1e-9):
+        engine.track[0]["U"][row], engine.track[0]["d"][row] = U, d
+        if engine.layout.shape.lazy:
+            engine.track[0]["pending"][row] = 0  # P holds what was pending

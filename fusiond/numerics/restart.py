@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.special import ndtr
 
-from fusiond.numerics.cusum import SINGLE, Steps
+from fusiond.numerics.cusum import Steps
 from fusiond.numerics.ud import Vector
 
 FINEST = 60.0
@@ -122,14 +122,11 @@ def _over(points: Vector, threshold: float, law: Steps) -> Vector:
     return over
 
 
-def cycle(
-    profile: Profile, size: float, threshold: float, dead_band: float = 0.0, single: float = SINGLE
-) -> tuple[float, float]:
+def cycle(profile: Profile, size: float, threshold: float, dead_band: float = 0.0) -> tuple[float, float]:
     """Counted readings of one cycle, on average, and the probability that it ends in the alarm.
 
     Args:
         size: of the fault tested for, in the profile's unit, > 0.
-        single: largest share of the threshold that the first reading of a cycle can carry the statistic.
     """
     narrowest = threshold / FINEST
     steps = _steps(profile, size, dead_band, narrowest)
@@ -139,15 +136,9 @@ def cycle(
     points, weights = _grid(
         threshold, min(step.law.std for step in [*steps[1:], *([tail] if tail else []), steps[0]])
     )
-    first, cap = steps[0].law, min(single, 1.0) * threshold
+    first = steps[0].law
     alive = _density(points, first) * weights
-    alarm, length = 0.0, steps[0].counts
-    if single < 1.0:
-        # the mass beyond the cap is gathered there, on the grid at the nearest point
-        alive[points > cap] = 0.0
-        alive[int(np.argmin(np.abs(points - cap)))] += float(_over(np.zeros(1), cap, first)[0])
-    else:
-        alarm = float(_over(np.zeros(1), threshold, first)[0])
+    alarm, length = float(_over(np.zeros(1), threshold, first)[0]), steps[0].counts
     lattice = np.concatenate((-points[:0:-1], points))
     for step in steps[1:]:
         share = float(alive.sum())
@@ -169,16 +160,14 @@ def cycle(
     return length, alarm
 
 
-def run_length(
-    profiles: Sequence[Profile], size: float, threshold: float, dead_band: float = 0.0, single: float = SINGLE
-) -> float:
+def run_length(profiles: Sequence[Profile], size: float, threshold: float, dead_band: float = 0.0) -> float:
     """Mean number of counted readings between alarms while nothing is wrong; infinite where there can be none.
 
     Args:
         profiles: of cycles that begin at different places of the sensors' pattern, each as often as the others.
-        size, threshold, dead_band, single: as in `cycle`.
+        size, threshold, dead_band: as in `cycle`.
     """
-    cycles = [cycle(profile, size, threshold, dead_band, single) for profile in profiles]
+    cycles = [cycle(profile, size, threshold, dead_band) for profile in profiles]
     alarm = sum(probability for _, probability in cycles)
     return sum(length for length, _ in cycles) / alarm if alarm > 0.0 else math.inf
 

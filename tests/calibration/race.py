@@ -12,7 +12,7 @@ import numpy as np
 
 
 @numba.njit(error_model="numpy")
-def _cells(k, W, e, phi, llr, count, course, cells, single):
+def _cells(k, W, e, phi, llr, count, course, cells):
     """One reading through the bank; True where a cell raises the alarm."""
     sensor, dof, H, K, root, D, T, B = course
     who, channel, drives, theta, limit, age, band = cells
@@ -33,7 +33,7 @@ def _cells(k, W, e, phi, llr, count, course, cells, single):
                 gain += (shift - edge) * (e[i] - 0.5 * (shift + edge))
             for j in range(n):
                 p[j] += K[w, i, j] * rho
-        llr[c] += min(gain, single * limit[c]) if llr[c] <= 0.0 else gain
+        llr[c] += gain
         count[c] += 1 if drives[c] or who[c] == sensor[w] else 0
         alarm = alarm or llr[c] >= limit[c]
         anew = llr[c] <= 0.0 or count[c] > age[c]
@@ -81,7 +81,7 @@ def race(rng, readings, course, cells, variance_h, pooled_h, white_h):
         s, dof = course[0][k % W], course[1][k % W]
         for i in range(dof):
             e[i] = rng.standard_normal()
-        hit = _cells(k, W, e, phi, llr, count, course, cells, 0.9)
+        hit = _cells(k, W, e, phi, llr, count, course, cells)
         if _scatter(s, e, dof, variance, pooled, white, last, variance_h, pooled_h, white_h, 0.9) or hit:
             alarms += 1
             for array in (phi, variance, white, last):

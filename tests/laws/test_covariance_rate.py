@@ -9,6 +9,7 @@ import pytest
 
 from fusiond.assembly.assembly import assemble
 from fusiond.config import parse
+from fusiond.engine.reactions import widen
 from fusiond.errors import ConfigError
 from fusiond.simulation.flight import flight
 from fusiond.types import TICK
@@ -110,6 +111,22 @@ def test_leaving_a_sensor_out_is_still_never_having_had_it():
     lone.process(readings[readings["sensor"] != layout.numbers["barometer"]])
     for name in ("x", "U", "d", "pending_F", "pending_Q", "pending"):
         assert np.array_equal(engine.track[0][name][row], lone.track[0][name][0]), name
+
+
+def test_a_widened_covariance_is_that_of_the_full_rate():
+    """WHEN g g' is added while something is pending, THEN P + g g' of the full rate, at once and later, to 1e-12."""
+    full, lagging = assembly().engine(), assembly(12.0).engine()
+    for engine in (full, lagging):
+        engine.process(flown()[flown()["t_ns"] < 3 * SECOND])
+    assert lagging.track[0]["pending"][0]
+    P = full.covariance()
+    g = np.random.default_rng(2).standard_normal(len(P)) * np.sqrt(np.diagonal(P))
+    for engine in (full, lagging):
+        widen(engine, 0, g)
+        assert scaled(engine.covariance() - (P + np.outer(g, g)), P) < 1e-12
+    for engine in (full, lagging):
+        engine.process(flown()[flown()["t_ns"] >= 3 * SECOND])
+    assert scaled(lagging.covariance() - full.covariance(), full.covariance()) < 1e-12
 
 
 def test_a_linear_model_has_one_rate():

@@ -125,6 +125,7 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
     """Weigh an excluded sensor's reading: sound, against its old bias of either sign and against four-fold noise."""
     monitor, reaction, sensor = track.monitor, track.reaction, reading.sensor
     dof = design.dof[sensor]
+    end_hold(monitor, sensor)
     square = 0.0
     for i in range(dof):
         e = work.e[i]

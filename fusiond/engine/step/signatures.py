@@ -7,6 +7,8 @@ accumulates is the exact one for that fault, in transients, on time-varying and 
 
 A cell of a scale errs by h, one of a delay by minus its rate of change, in all channels at once.
 
+The alarm is raised with the reading that proves it, be it the first; whether one bad sample did it the judge asks.
+
 Source: Willsky & Jones 1976, with the onset left to the restarts of a CUSUM (Page 1954).
 """
 
@@ -22,8 +24,6 @@ from .sizes import CELLS, ERRORS, INPUTS, SENSORS
 
 CELL = int(Alarm.CELL)
 SCALE, DELAY = int(Kind.SCALE), int(Kind.DELAY)
-SINGLE = 0.9
-"""No single reading carries a cell further than this share of its threshold: one bad sample is no fault."""
 
 
 @kernel
@@ -139,13 +139,12 @@ def restart_cells(track: Any, design: Any, sensor: int) -> None:
 @kernel
 def bank(track: Any, design: Any, work: Any, sensor: int, dof: int) -> None:
     """One reading through all cells."""
-    monitor, tests = track.monitor, design.tests
+    monitor = track.monitor
     move_signatures(track, design, work)
     for c in range(CELLS):
         work.gain[c] = 0.0
     for channel in range(dof):
         weigh(track, design, work, sensor, channel)
     for c in range(CELLS):
-        most = SINGLE * tests.limit[c]
-        monitor.llr[c] += min(work.gain[c], most) if monitor.llr[c] <= 0.0 else work.gain[c]
+        monitor.llr[c] += work.gain[c]
     restart_cells(track, design, sensor)

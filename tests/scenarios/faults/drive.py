@@ -204,6 +204,13 @@ def _positions(count: int) -> dict[str, Any]:
     return table
 
 
+def _held_position() -> dict[str, Any]:
+    """Three sensors of one position, of which the third repeats its last value until it has a new one."""
+    table = _positions(3)
+    table["sensor"]["y3"]["repeats"] = "held"
+    return table
+
+
 def _drive_in_the_plane() -> dict[str, Any]:
     """GPS, wheel speed and gyro of the planar vehicle."""
     table = _table("planar")
@@ -233,6 +240,7 @@ PLANS: Mapping[str, Plan] = {
     "reference_plant": Plan(lambda: _table("reference_plant"), "reference_plant"),
     "two_positions": Plan(lambda: _positions(2), "constant_velocity", (("R", (0.01, 0.01)),)),
     "three_positions": Plan(lambda: _positions(3), "constant_velocity", (("R", (0.01, 0.01, 0.01)),)),
+    "held_position": Plan(_held_position, "constant_velocity", (("R", (0.01, 0.01, 0.01)),)),
     "plane": Plan(_drive_in_the_plane, "planar", (("aboard", ("gps", "wheel_speed", "gyro")),)),
     "smooth_plane": Plan(
         _smooth_drive, "planar", (("aboard", ("gps", "wheel_speed", "gyro")), ("motion", "smooth"))
