@@ -92,6 +92,12 @@ class Assembly:
         overseer = Overseer(self.overseer.engine()) if self.overseer else None
         return Engine(self.layout, self.design, self._desk(), run, self._derive(), judge, overseer)
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the step is in the cache, or needs no compiling: `prepare` then takes no long time."""
+        folder = Path(str(self.package.__file__)).parent
+        return self.layout.plain or any((folder / "__pycache__").glob("run.run-*.nbc"))
+
     def prepare(self) -> None:
         """Compile the step, or load it from the cache, before anybody waits for a reading."""
         tick = np.zeros(1, self.layout.reading)

@@ -67,7 +67,9 @@ def _options(
 
 @app.command()
 def demo(
-    name: Annotated[str, typer.Argument(help="A simulated system: minicar, square_robot.")] = "minicar",
+    name: Annotated[
+        str, typer.Argument(help="A simulated system; a name that is none lists them all.")
+    ] = "minicar",
     for_s: Annotated[float, typer.Option("--for", help="Seconds.", min=1.0)] = 30.0,
     inject: Inject = None,
     as_json: Json = False,
@@ -299,7 +301,9 @@ def watch(
         str | None, typer.Argument(help="Name of the configuration; any daemon without it.")
     ] = None,
     connect: Endpoint = "tcp/127.0.0.1:7447",
-    for_s: Annotated[float | None, typer.Option("--for", help="Seconds; until Ctrl-C without it.")] = None,
+    for_s: Annotated[
+        float | None, typer.Option("--for", help="Seconds; until Ctrl-C without it.", min=0.1)
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON objects, one a line.")] = False,
 ) -> None:
     """Follow a running daemon live: estimate, health, faults and events."""

@@ -14,6 +14,8 @@ DELAY, RELATIVE = "delay ms", "delay - least ms"
 COLUMNS = ("stamp s", DELAY, "z", "nu", "S", "R used", "R declared", "nis", "limit", "verdict", "health")
 OTHER_CLOCK_S = 3600.0
 """A delay of an hour is none: the stamps are of another clock than the arrivals, and only differences mean anything."""
+NARROW, SPARED = 120, (DELAY, RELATIVE, "S", "R used", "R declared", "fault")
+"""On a terminal with fewer columns these are left out of the table; a file has them all."""
 WIDTH = 160
 """Of the table where no terminal says otherwise: a file has all of it."""
 
@@ -36,7 +38,10 @@ def show_why(answer: Mapping[str, Any], console: Console | None = None) -> None:
         console.print(
             f"  {turn['t_s']:.3f} s  {turn['to']}{_fault(turn['fault'])}", markup=False, highlight=False
         )
-    console.print(_table(answer["readings"]))
+    narrow = console.width < NARROW
+    console.print(_table(answer["readings"], SPARED if narrow else ()))
+    if narrow:
+        console.print(f"delay, S, R and fault need {NARROW} columns, or a file", style="dim", highlight=False)
 
 
 def found_lines(result: Mapping[str, Any]) -> list[str]:
@@ -61,23 +66,24 @@ def wide_console() -> Console:
     return console if console.is_terminal else Console(width=WIDTH)
 
 
-def _table(readings: Sequence[Mapping[str, Any]]) -> Table:
-    """One row for each reading; faults and actions only where there are any."""
+def _table(readings: Sequence[Mapping[str, Any]], spared: Sequence[str]) -> Table:
+    """One row for each reading, without the columns spared; faults and actions only where there are any."""
     faults = any(reading["fault"] for reading in readings)
     actions = any(reading["action"] != "none" for reading in readings)
     least_s = min((r["delay_s"] for r in readings if r["delay_s"] is not None), default=0.0)
     same_clock = abs(least_s) < OTHER_CLOCK_S
+    names = [*(COLUMNS if same_clock else (COLUMNS[0], RELATIVE, *COLUMNS[2:]))]
+    names += [name for name, wanted in (("fault", faults), ("action", actions)) if wanted]
+    kept = [place for place, name in enumerate(names) if name not in spared]
     table = Table(box=None, pad_edge=False)
-    for name in COLUMNS if same_clock else (COLUMNS[0], RELATIVE, *COLUMNS[2:]):
-        table.add_column(name, justify="left" if name in ("verdict", "health") else "right", no_wrap=True)
-    for name, wanted in (("fault", faults), ("action", actions)):
-        if wanted:
-            table.add_column(name)
+    for name in (names[place] for place in kept):
+        words = name in ("verdict", "health", "fault", "action")
+        table.add_column(name, justify="left" if words else "right", no_wrap=name not in ("fault", "action"))
     for reading in readings:
         cells = _cells(reading, 0.0 if same_clock else least_s)
         cells += [fault_text(reading["fault"]) if reading["fault"] else ""] if faults else []
         cells += [reading["action"] if reading["action"] != "none" else ""] if actions else []
-        table.add_row(*cells)
+        table.add_row(*(cells[place] for place in kept))
     return table
 
 

@@ -134,8 +134,8 @@ def read_run(path: Path, truth: Truth | None = None) -> RunReport:
     first = next(blocks, None)
     if first is None or not len(first):
         raise LogError(
-            f"{path.name}: holds no reports, pictures are drawn of nothing else; record with `fusiond run --record` "
-            "or `fusiond replay LOG CONFIG --out`"
+            f"{path.name}: holds no reports, no reading was decided on; record while sensors publish "
+            "(`fusiond run --record`), or use `fusiond replay LOG CONFIG --out`"
         )
     layout = layout_of(description, first.dtype, path, head.get("version", "?"))
     run = RunReport(path, layout, head.get("config", ""), narrowed(truth, layout))

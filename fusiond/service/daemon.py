@@ -38,7 +38,7 @@ from fusiond.service.wire import Decoder, take
 from fusiond.types import RESET, TICK, Health, ServiceHealth, seconds
 
 WHY = {
-    ServiceHealth.DEGRADED.label: "; a sensor is not as it should be, the rest still corrects the state",
+    ServiceHealth.DEGRADED.label: "; a sensor is silent, faulty or not used",
     ServiceHealth.DEAD_RECKONING.label: "; nothing corrected the state within health.dead_reckoning_s",
     ServiceHealth.INVALID.label: "; reset, not finite, or nothing corrected the state within health.invalid_s",
 }
@@ -111,6 +111,8 @@ class Daemon:
         """
         settings, layout = self.settings, self.assembly.layout
         self.preparing = True
+        if not self.assembly.is_compiled:
+            self.voice.info("compiling the filter, once for this configuration; up to half a minute")
         self.assembly.prepare()
         self.engine = self.assembly.engine()
         recall(self.engine, self._known_noise)

@@ -34,9 +34,9 @@ def answer(*readings, at_s=None):
     }  # fmt: skip
 
 
-def shown(what):
+def shown(what, width=170):
     out = io.StringIO()
-    show_why(what, Console(file=out, width=170))
+    show_why(what, Console(file=out, width=width))
     return out.getvalue().splitlines()
 
 
@@ -49,6 +49,14 @@ def test_a_decision_is_one_row_with_everything_it_was_made_of():
     row = "5.010 2.1 2.67 0.4936 0.0001054 0.0001 0.0001 2311 23.93 gated healthy"
     assert rows[3].split() == row.split()
     assert "-  gated    faulty   bias +0.4889 +-0.0073 m since 5.010 s" in rows[4]
+
+
+def test_a_terminal_of_80_columns_shows_every_row_whole():
+    """Stamps of the day and verdicts are not cut off; what is left out is said."""
+    rows = shown(answer(reading(1795834605.01, health="faulty", fault=FAULT)), width=80)
+    assert rows[2].split() == ["stamp", "s", "z", "nu", "nis", "limit", "verdict", "health"]
+    assert rows[3].split() == ["1795834605.010", "2.67", "0.4936", "2311", "23.93", "gated", "faulty"]
+    assert "need 120 columns" in rows[4]
 
 
 def test_columns_that_would_be_empty_are_left_out():

@@ -35,7 +35,7 @@ def test_a_signal_during_compilation_ends_it_at_once(assembly, number):
 
     class Compiling:
         config, layout = assembly.config, assembly.layout
-        plan, expected_costs = assembly.plan, assembly.expected_costs
+        plan, expected_costs, is_compiled = assembly.plan, assembly.expected_costs, True
 
         def prepare(self):
             os.kill(os.getpid(), number)
@@ -49,7 +49,7 @@ def test_a_signal_during_compilation_ends_it_at_once(assembly, number):
 def test_a_failure_of_the_engine_ends_it_with_that_failure(assembly):
     class Broken:
         config, layout = assembly.config, assembly.layout
-        plan, expected_costs = assembly.plan, assembly.expected_costs
+        plan, expected_costs, is_compiled = assembly.plan, assembly.expected_costs, True
 
         def prepare(self):
             pass

@@ -10,7 +10,6 @@ folder, and parts not measured now are taken from there.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -26,7 +25,7 @@ from tools.scoreboard.drifts import drift_part
 from tools.scoreboard.exclusion import exclusion_part
 from tools.scoreboard.false_alarms import promise_part, wrong_noise_part
 from tools.scoreboard.information import finite_part
-from tools.scoreboard.keeping import keep, kept
+from tools.scoreboard.keeping import dumped, keep, kept
 from tools.scoreboard.kinds import kinds_part
 from tools.scoreboard.levels import levels_part
 from tools.scoreboard.loops import loops_part
@@ -42,22 +41,22 @@ PARTS: dict[str, Part] = {
 }  # fmt: skip
 
 
-def measured(name: str, effort: Effort) -> Result:
-    """One part, with its time on stderr."""
+def measured(name: str, effort: Effort, folder: Path | None) -> Result:
+    """One part, with its time on stderr, kept in the folder."""
     begun = time.perf_counter()
     result = PARTS[name](effort)
+    if folder is not None:
+        keep(folder, name, result)
     print(f"scoreboard: {name}, {time.perf_counter() - begun:.0f} s", file=sys.stderr, flush=True)
     return result
 
 
 def together(names: list[str], effort: Effort, processes: int, folder: Path | None = None) -> Result:
     """The parts named, run side by side, among those kept in the folder."""
-    found: dict[str, Result] = {}
+    count = len(names)
     with ProcessPoolExecutor(processes) as pool:
-        for name, part in zip(names, pool.map(measured, names, [effort] * len(names)), strict=True):
-            found[name] = part
-            if folder is not None:
-                keep(folder, name, part)
+        parts = pool.map(measured, names, [effort] * count, [folder] * count)
+        found = dict(zip(names, parts, strict=True))
     whole = Result()
     for name in PARTS:
         part = found.get(name) or (kept(folder, name) if folder is not None else Result())
@@ -86,7 +85,7 @@ def main(arguments: list[str] | None = None) -> None:
         from tools.scoreboard.page import write  # matplotlib, which measuring does without
 
         write(chosen.write, result, chosen.quick)
-    print(json.dumps({"rows": [asdict(row) for row in result.rows]}))
+    print(dumped({"rows": [asdict(row) for row in result.rows]}))
 
 
 if __name__ == "__main__":

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tools.scoreboard.board import Result, Row
+
+
+def dumped(told: Mapping[str, Any]) -> str:
+    """JSON of numbers that may still be numpy's."""
+    return json.dumps(told, default=lambda number: number.item())
 
 
 def keep(folder: Path, part: str, result: Result) -> None:
@@ -18,7 +25,7 @@ def keep(folder: Path, part: str, result: Result) -> None:
         name: {k: np.asarray(v).tolist() for k, v in curve.items()} for name, curve in result.curves.items()
     }
     told = {"rows": [asdict(row) for row in result.rows], "curves": curves}
-    (folder / f"{part}.json").write_text(json.dumps(told), encoding="utf-8")
+    (folder / f"{part}.json").write_text(dumped(told), encoding="utf-8")
 
 
 def kept(folder: Path, part: str) -> Result:
