@@ -13,7 +13,7 @@ decides before the next is looked at. Health of a sensor, and what moves it:
 | healthy | one of a set that nothing tells apart | suspect | weighs the whole set down so as to cover all |
 | any | frozen, or nothing that could be used | excluded | does without it, whatever is left |
 | faulty | the error has gone | healthy | believes the readings as they are |
-| excluded | its readings agree with the estimate | probation | still does without it |
+| excluded | it agrees with the estimate, or lives where that is too unsure to say | probation | does without it |
 | excluded input | it has waited | probation | tries it |
 | probation | they agree once more, and it has waited | healthy | uses it again |
 

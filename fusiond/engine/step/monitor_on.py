@@ -29,6 +29,8 @@ FEW, DECAY = 1.5, 0.9
 """Unusable readings are counted with this decay per sound one; beyond FEW (two in a row) they are a fault."""
 PATIENT = 6.9
 """Log likelihood ratio at which an excluded sensor is believed healed: one in a thousand that it is not."""
+DIM, LIVELY = 0.3, 20
+"""Where no error that matters would move an innovation by DIM deviations, LIVELY sound readings are all one can ask."""
 SHORTEST_S = 1e-4
 """A missing input's noise is spread over no shorter an interval."""
 SHORTEST_HOLD, HELD_LONGER = 2, 3
@@ -122,20 +124,29 @@ def after_update(track: Any, design: Any, work: Any, reading: Any, used: bool) -
 
 @kernel
 def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Weigh an excluded sensor's reading: sound, against its old bias of either sign and against four-fold noise."""
+    """Weigh an excluded sensor's reading: sound, against its old bias of either sign and against four-fold noise.
+
+    Without its only sensor an estimate soon is too unsure to contradict anything, and its error is one draw for all
+    readings. Then it is enough that the sensor lives, or it would be locked out for ever.
+    """
     monitor, reaction, sensor = track.monitor, track.reaction, reading.sensor
     dof = design.dof[sensor]
     end_hold(monitor, sensor)
-    square = 0.0
+    square = strongest = 0.0
     for i in range(dof):
         e = work.e[i]
         square += e * e
         b = min(reaction.shadow_size[sensor, i] / work.root[i], LARGEST_SLOW) if work.root[i] > 0.0 else 0.0
+        strongest = max(strongest, b)
         for k in range(2):
             sign = 1.0 if k == 0 else -1.0
             monitor.shadow[sensor, k] = max(0.0, monitor.shadow[sensor, k] - sign * b * e + 0.5 * b * b)
-    gain = variance_gain(4.0, square, dof)
-    monitor.shadow[sensor, 2] = max(0.0, monitor.shadow[sensor, 2] - gain)
+    if strongest < DIM and square < LARGEST_SLOW * LARGEST_SLOW * dof:
+        for k in range(3):
+            monitor.shadow[sensor, k] += PATIENT / LIVELY
+    else:
+        gain = variance_gain(4.0, square, dof)
+        monitor.shadow[sensor, 2] = max(0.0, monitor.shadow[sensor, 2] - gain)
     test_frozen(track, design, work, reading)
     if monitor.run[sensor] > 0:
         monitor.shadow[sensor, 2] = 0.0

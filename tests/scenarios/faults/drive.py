@@ -238,6 +238,7 @@ class Plan:
 PLANS: Mapping[str, Plan] = {
     "minicar": Plan(lambda: _table("minicar"), "minicar"),
     "reference_plant": Plan(lambda: _table("reference_plant"), "reference_plant"),
+    "one_position": Plan(lambda: _positions(1), "constant_velocity", (("R", (0.01,)),)),
     "two_positions": Plan(lambda: _positions(2), "constant_velocity", (("R", (0.01, 0.01)),)),
     "three_positions": Plan(lambda: _positions(3), "constant_velocity", (("R", (0.01, 0.01, 0.01)),)),
     "held_position": Plan(_held_position, "constant_velocity", (("R", (0.01, 0.01, 0.01)),)),

@@ -142,3 +142,19 @@ def test_two_at_once_are_told_from_the_model():
     run = scene("three_positions").drive(60.0, ["y2.bias=0.6@30", "y3.bias=-0.6@30"])
     assert not run.blamed("y1"), run.story()
     assert {run.last(s).kind for s in ("y2", "y3")} <= {Kind.BIAS, Kind.NONE}
+
+
+@pytest.mark.parametrize("fault", ["y1.stuck@20+3", "y1.nan@20+3"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_only_sensor_of_a_plant_is_not_locked_out_for_ever(fault, seed):
+    """Without it the estimate is soon too unsure to contradict anything: within 12 s of living again it is used."""
+    run = scene("one_position").drive(60.0, [fault], seed)
+    assert run.named("y1").health is Health.EXCLUDED
+    assert run.last("y1").health is Health.HEALTHY
+    assert 23.0 < run.when("y1", Health.HEALTHY, after_s=23.0) < 35.0
+    assert run.worst("position", after_s=37.0) < 0.5
+
+
+def test_the_only_sensor_of_a_plant_stays_out_while_it_repeats_itself():
+    run = scene("one_position").drive(60.0, ["y1.stuck@20"])
+    assert run.last("y1").health is not Health.HEALTHY
