@@ -14,6 +14,7 @@ import numpy as np
 from fusiond.adapt.records import AdaptShape, noise_design_dtype, noise_dtype, noise_work_dtype
 from fusiond.faults.records import monitor_dtype, reaction_dtype, tests_dtype
 from fusiond.faults.window import window_dtype
+from fusiond.numerics.packed import packed
 
 HAS_SEQ = 1
 """Reading flag: `seq` was sent by the sensor."""
@@ -96,9 +97,8 @@ class Shape:
 
 
 def record(*fields: tuple[str, Any] | tuple[str, Any, tuple[int, ...]]) -> np.dtype[Any]:
-    """A packed record dtype whose scalars have attributes; every subarray has at least one element."""
-    sized = [(f[0], f[1], tuple(max(1, k) for k in f[2])) if len(f) == 3 else f for f in fields]
-    return np.dtype((np.record, sized))
+    """As `packed`, of fields given one by one."""
+    return packed(list(fields))
 
 
 def reading_dtype(payload: int) -> np.dtype[Any]:

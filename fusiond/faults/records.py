@@ -9,13 +9,7 @@ from typing import Any
 
 import numpy as np
 
-Fields = list[tuple[Any, ...]]
-
-
-def packed(fields: Fields) -> np.dtype[Any]:
-    """A record dtype whose scalars have attributes and whose subarrays have at least one element."""
-    sized = [(*f[:2], tuple(max(1, k) for k in f[2])) if len(f) == 3 else f for f in fields]
-    return np.dtype((np.record, sized))
+from fusiond.numerics.packed import packed
 
 
 def monitor_dtype(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.faults.records import packed
+from fusiond.numerics.packed import packed
 
 ODD = 6.0
 """A reading of an input further from its usual value than so many of its usual deviations is odd."""
