@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import re
 import tomllib
 import typing
 from collections.abc import Iterable, Mapping
@@ -24,8 +25,9 @@ from fusiond.models.catalogue import PROCESSES, SENSORS
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
-Numbers = dict[str, Annotated[float, Field(allow_inf_nan=False)]]
+Numbers = dict[str, Finite]
 
 
 class Section(BaseModel):
@@ -327,6 +329,19 @@ def _hints(function: Any) -> dict[str, Any]:
     return typing.get_type_hints(function)
 
 
+NEVER_NEGATIVE = re.compile(r"(^|_)(noise|std)_|_std$")
+ABOVE_ZERO = re.compile(r"^(mass|yaw_inertia|track|stiffness|max_step|limit|unwinding)_|_time_s$")
+
+
+def _bounded(name: str, hint: Any) -> Any:
+    """The type of a built-in kind's parameter: a number is finite, and by its name never negative, or above zero."""
+    if hint is not float:
+        return hint
+    if ABOVE_ZERO.search(name):
+        return Positive
+    return NotNegative if NEVER_NEGATIVE.search(name) else Finite
+
+
 def _section(base: type[Section], tag: str, kind: str, module: ModuleType) -> type[Section]:
     """The section of one built-in kind: `base`, its tag, and the keyword arguments of its `describe`."""
     hints = _hints(module.describe)
@@ -334,7 +349,7 @@ def _section(base: type[Section], tag: str, kind: str, module: ModuleType) -> ty
     for name, parameter in inspect.signature(module.describe).parameters.items():
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
             default = ... if parameter.default is inspect.Parameter.empty else parameter.default
-            fields[name] = (hints[name], default)
+            fields[name] = (_bounded(name, hints[name]), default)
     title = f"{base.__name__.removesuffix('Section')}_{kind}"
     return create_model(title, __base__=base, __doc__=module.__doc__, **fields)
 
@@ -457,13 +472,15 @@ def nearest(word: str, known: Iterable[str]) -> str:
     if not choices:
         return "there is none to name"
     near = difflib.get_close_matches(word, choices, 1, 0.6)
-    return f"did you mean `{near[0]}`?" if near else f"choose from {', '.join(choices)}"
+    near = near or [choice for choice in choices if choice.startswith(f"{word}_")]
+    meant = " or ".join(f"`{choice}`" for choice in near)
+    return f"did you mean {meant}?" if near else f"choose from {', '.join(choices)}"
 
 
 def _explain(error: Mapping[str, Any]) -> str:
     """One pydantic error as `subject: fact; remedy`."""
     tags = {*_PROCESS_SECTIONS, *_SENSOR_SECTIONS, *_LAW_SECTIONS, "input", "file"}
-    path = [str(part) for part in error["loc"]]
+    path = [str(part) for part in error["loc"] if part != "[key]"]
     subject = ".".join(
         part for i, part in enumerate(path) if not (part in tags and path[i - 1 : i] != ["sensor"])
     )
@@ -487,8 +504,11 @@ def _explain(error: Mapping[str, Any]) -> str:
                 tag = "kind" if path[0] in kinds else "law"
                 return f"{subject}: `{tag}` is missing; choose from {', '.join(sorted(choices))}"
             return f"{subject}: no kind `{given}`; {nearest(str(given), choices)}"
+        case "string_pattern_mismatch":
+            return f"{subject}: {error['input']!r} is no name; write lower-case letters, digits and _, a letter first"
         case _:
-            return f"{subject}: {error['msg']}, got {error['input']!r}; `fusiond config schema` describes it"
+            fact = error["msg"].removeprefix("Input ")
+            return f"{subject}: {fact}, got {error['input']!r}; `fusiond config schema` describes it"
 
 
 def parse(text: str, source: str) -> Config:

@@ -28,8 +28,8 @@ from typing import Any
 import zenoh
 
 from fusiond.errors import ConfigError, ConnectionFailed, FusiondError
+from fusiond.service.endpoints import checked_key
 from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
-from fusiond.service.settings import checked
 from fusiond.simulation.faults import near
 from fusiond.simulation.faults_injection import Measured
 from fusiond.types import Slot
@@ -94,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def stand(given: argparse.Namespace) -> int:
     """`relay`: until SIGTERM or Ctrl-C. Raises: ConfigError, ConnectionFailed."""
     sensor, slots, to = front_of(given)
-    source = checked(given.source, "--from")
+    source = checked_key(given.source, "--from")
     if zenoh.KeyExpr(source).intersects(zenoh.KeyExpr(to)):
         raise ConfigError(
             f"--from {source}: the relay would hear itself on {to}; let the sensor publish elsewhere"
@@ -129,7 +129,7 @@ def front_of(given: argparse.Namespace) -> tuple[Measured, tuple[Slot, ...], str
             )
         name = given.sensor or given.to.rpartition("/")[2]
         sigma = None if given.noise_std is None else _deviations(given.noise_std)
-        return Measured(name, sigma=sigma), (), _one_key(given.to, "--to")
+        return Measured(name, sigma=sigma), (), checked_key(given.to, "--to", single=True)
     if given.noise_std is not None:
         raise ConfigError("--noise-std: the configuration says it already; leave one of them out")
     from pathlib import Path
@@ -145,12 +145,16 @@ def front_of(given: argparse.Namespace) -> tuple[Measured, tuple[Slot, ...], str
         raise ConfigError(f"--sensor {wanted}: {given.config} has no such sensor; {near(wanted, keys)}")
     layout = assembly.layout.sensor(name)
     assert layout is not None
-    return measured_of(assembly)[layout.number], layout.channels, _one_key(given.to or keys[name], "--to")
+    return (
+        measured_of(assembly)[layout.number],
+        layout.channels,
+        checked_key(given.to or keys[name], "--to", single=True),
+    )
 
 
 def tell(given: argparse.Namespace) -> int:
     """`set`, `clear`, `list`: the running relays do it. Raises: ConfigError, ConnectionFailed."""
-    key = f"{CONTROL}/{checked(given.to, '--to') if given.to else '**'}"
+    key = f"{CONTROL}/{checked_key(given.to, '--to') if given.to else '**'}"
     specs: list[str] = getattr(given, "specs", []) or [""]
     answers: list[dict[str, Any]] = []
     with open_session(session_options("client", connect=[given.connect]), timeout_s=CONNECT_S) as session:
@@ -228,14 +232,6 @@ def _pass_on(session: zenoh.Session, to: str, relay: Relay, sample: zenoh.Sample
     payload = relay.pass_on(str(sample.encoding), sample.payload.to_bytes())
     if payload is not None:
         session.put(to, payload, encoding=sample.encoding, **quality)
-
-
-def _one_key(key: str, subject: str) -> str:
-    """A key without wildcards. Raises: ConfigError."""
-    found = checked(key, subject)
-    if "*" in found:
-        raise ConfigError(f"{subject}: `{found}` is many keys; name the one to publish on")
-    return found
 
 
 def _deviations(text: str) -> tuple[float, ...]:

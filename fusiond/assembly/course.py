@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fusiond.assembly.initial import initial_covariance
 from fusiond.assembly.observability import trial_interval_s
-from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
+from fusiond.assembly.resolve import Resolved, ResolvedSensor
 from fusiond.assembly.trial import Array, Trial, irregular
 from fusiond.faults.course import Course
 from fusiond.numerics.kernel import interpreted
@@ -73,14 +74,6 @@ def schedule(resolved: Resolved) -> tuple[list[Entry], float]:
         entries += [Entry(number, place * period_s / places, together) for place in range(places)]
     entries.sort(key=lambda entry: (round(entry.t_s, 9), entry.sensor))
     return entries, period_s
-
-
-def _initial_covariance(resolved: Resolved) -> Array:
-    initial, slots = resolved.config.initial, resolved.process.error_slots
-    if initial.covariance is not None:
-        return np.array(initial.covariance, dtype=float)
-    stds = by_key(initial.std, slots, "initial.std")
-    return np.diag([float(stds[slot.name]) ** 2 for slot in slots])
 
 
 @dataclass(slots=True)
@@ -243,7 +236,7 @@ def witness_of(resolved: Resolved, state: int) -> Witness:
     """A witness that knows an error state as well as the settled filter does."""
     entries, period_s = _entries(resolved, None)
     path = _path(resolved, entries, period_s, Trial(resolved).start(), None)
-    P = _settled_covariance(path, _initial_covariance(resolved))
+    P = _settled_covariance(path, initial_covariance(resolved))
     return Witness(state, float(np.sqrt(max(P[state, state], 1e-300))))
 
 
@@ -251,7 +244,7 @@ def course_of(resolved: Resolved, witness: Witness | None = None) -> Course:
     """The healthy course of a configuration, with a witness beside its sensors or without."""
     entries, period_s = _entries(resolved, witness)
     path = _path(resolved, entries, period_s, Trial(resolved).start(), witness)
-    P = _settled_covariance(path, _initial_covariance(resolved))
+    P = _settled_covariance(path, initial_covariance(resolved))
     W, n, k = len(entries), len(P), len(resolved.process.inputs)
     m = max(sensor.model.dof for sensor in resolved.updating)
     dof = np.array([len(r) for _, r, _ in path.looks])

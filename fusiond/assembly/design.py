@@ -7,19 +7,18 @@ from numpy.typing import NDArray
 
 from fusiond.assembly.adapting import adapt_shape, bins_of, fill_noise
 from fusiond.assembly.controlling import feeding_sensor, fill_control, queue_room
+from fusiond.assembly.initial import initial_covariance
 from fusiond.assembly.observability import bears_a_filter
 from fusiond.assembly.plain import LOCAL, is_plain
 from fusiond.assembly.resolve import Resolved, ResolvedSensor, by_key
 from fusiond.assembly.trial import Trial
 from fusiond.assembly.turning import fill_turning, guarded_slots
-from fusiond.config import InitialSection
 from fusiond.engine.layout import FilterLayout, Layout, SensorLayout
 from fusiond.engine.records import Shape, design_dtype
 from fusiond.errors import ConfigError
-from fusiond.numerics.covariance import examine
 from fusiond.numerics.kernel import interpreted
 from fusiond.numerics.ud import ud_factor
-from fusiond.types import NANOSECONDS, Slot, nanoseconds
+from fusiond.types import NANOSECONDS, nanoseconds
 
 SILENT_PERIODS = 3.0
 """Periods without a reading after which a sensor of known rate is silent, unless the configuration says otherwise."""
@@ -117,33 +116,10 @@ def factored(P: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 def _initial(resolved: Resolved, record: np.record) -> None:
     """Initial state and covariance."""
-    process, initial = resolved.process, resolved.config.initial
+    process = resolved.process
     record["x0"] = Trial(resolved).initial()
     record["angle"] = [slot.name in process.angles for slot in process.states]
-    record["U0"], record["d0"] = factored(_initial_covariance(initial, process.error_slots))
-
-
-def _initial_covariance(initial: InitialSection, slots: tuple[Slot, ...]) -> NDArray[np.float64]:
-    """(n, n) of the error slots; raises ConfigError."""
-    if initial.covariance is None:
-        stds = by_key(initial.std, slots, "initial.std")
-        for slot in slots:
-            if slot.name not in stds:
-                raise ConfigError(
-                    f"initial.std: `{slot.key}` is missing; say how well it is known at the start"
-                )
-        return np.diag([stds[slot.name] ** 2 for slot in slots])
-    if initial.std:
-        raise ConfigError("initial: has std and covariance; keep one of them")
-    n, rows = len(slots), initial.covariance
-    if {len(row) for row in rows} != {n} or len(rows) != n:
-        raise ConfigError(f"initial.covariance: is not {n} x {n}; one row and one column a state")
-    P = np.array(rows, dtype=float)
-    if not examine(P).sound(regular=False):
-        raise ConfigError(
-            "initial.covariance: is not symmetric and positive semi-definite; check its numbers, or give std"
-        )
-    return P
+    record["U0"], record["d0"] = factored(initial_covariance(resolved))
 
 
 def _silence_ns(sensor: ResolvedSensor) -> int:

@@ -70,6 +70,14 @@ def by_key(values: Mapping[str, Any], slots: tuple[Slot, ...], subject: str) -> 
     return {names[key]: value for key, value in values.items()}
 
 
+def require_all(values: Mapping[str, Any], slots: tuple[Slot, ...], subject: str, remedy: str) -> None:
+    """Raise ConfigError that names every slot without a value."""
+    missing = [f"`{slot.key}`" for slot in slots if slot.name not in values]
+    if missing:
+        verb = "is" if len(missing) == 1 else "are"
+        raise ConfigError(f"{subject}: {', '.join(missing)} {verb} missing; {remedy}")
+
+
 def _noise(section: SensorSection, channels: tuple[Slot, ...], subject: str) -> Matrix:
     """Covariance of the measured channels from noise_std or noise_covariance."""
     if section.noise_covariance is not None:
@@ -87,9 +95,7 @@ def _noise(section: SensorSection, channels: tuple[Slot, ...], subject: str) -> 
             )
         return R
     stds = by_key(section.noise_std, channels, f"{subject}.noise_std")
-    for slot in channels:
-        if slot.name not in stds:
-            raise ConfigError(f"{subject}.noise_std: `{slot.key}` is missing; give each channel's deviation")
+    require_all(stds, channels, f"{subject}.noise_std", "give each channel's deviation")
     return np.diag([stds[slot.name] ** 2 for slot in channels])
 
 

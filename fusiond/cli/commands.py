@@ -172,8 +172,9 @@ def replay(
         _emit(result)
     else:
         show_replay(result)
-    if result["refused"] and not any(sensor["used"] for sensor in result["sensors"].values()):
-        raise LogError(f"{log}: no reading was used; is {config} the configuration of this log?")
+    if not any(sensor["used"] for sensor in result["sensors"].values()):
+        fact = "no reading was used" if result["refused"] else "holds no reading"
+        raise LogError(f"{log}: {fact}; is it whole, and {config} its configuration?")
 
 
 @app.command()
@@ -182,7 +183,9 @@ def record(
     out: Annotated[Path, typer.Argument(help="MCAP to write.", show_default=False)],
     connect: Connect = None,
     listen: Listen = None,
-    for_s: Annotated[float | None, typer.Option("--for", help="Seconds; until SIGTERM without it.")] = None,
+    for_s: Annotated[
+        float | None, typer.Option("--for", help="Seconds; until SIGTERM without it.", min=0.1)
+    ] = None,
     part: Part = None,
 ) -> None:
     """Listen to a configuration's sensors and record them, without a daemon."""
@@ -215,10 +218,11 @@ def import_(
     """Import a foreign recording."""
     from dataclasses import asdict
 
+    from fusiond.cli.configuring import naming
     from fusiond.cli.views import counting, show_import
     from fusiond.recording.importing import import_recording
 
-    with counting(f"import {src.name}") as progress:
+    with naming(mapping), counting(f"import {src.name}") as progress:
         imported = import_recording(src, mapping, out, json_readings=json_readings, progress=progress)
     if as_json:
         _emit(asdict(imported))

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from fusiond.assembly.assembly import Assembly
 from fusiond.errors import ConfigError
 from fusiond.service import roles
+from fusiond.service.settings import settings_of
 
 
 def load(path: Path, part: str | None = None) -> Assembly:
-    """Assemble a configuration file, or one machine's part of it; raises ConfigError."""
+    """Assemble a configuration file, or one machine's part of it; raises ConfigError that names the file."""
     try:
-        return roles.load(path, part)
+        with naming(path):
+            assembly = roles.load(path, part)
+            settings_of(assembly.config, assembly.layout, (), ())
+            return assembly
     except ConfigError as error:
         if is_mapping(path):
             raise ConfigError(
@@ -21,6 +27,18 @@ def load(path: Path, part: str | None = None) -> Assembly:
                 "is meant for"
             ) from error
         raise
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Within it every line of a ConfigError names the file, unless it does or is about the command line."""
+    try:
+        yield
+    except ConfigError as error:
+        known = (str(path), path.name, "--")
+        lines = str(error).splitlines()
+        said = (line if line.startswith(known) else f"{path}: {line}" for line in lines)
+        raise ConfigError("\n".join(said)) from error
 
 
 def is_mapping(path: Path) -> bool:

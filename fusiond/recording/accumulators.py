@@ -93,7 +93,7 @@ class TruthSums:
         self.names = [name for name in truth.names if name in states or name in derived]
         if not self.names:
             raise LogError(
-                f"truth: has {', '.join(truth.names)}, none of which the model has; name columns after its states "
+                f"--truth: has {', '.join(truth.names)}, none of which the model has; name columns after its states "
                 f"({', '.join(states)}) or outputs ({', '.join(derived) or 'none'})"
             )
         columns = [truth.names.index(name) for name in self.names]

@@ -126,6 +126,11 @@ class Run:
             warnings=[
                 *(refusals.messages() if refusals else []),
                 *(f"truth: the model has no {name}; that column was not compared" for name in unused),
+                *(
+                    ["truth: covers no moment of the log; compare their times"]
+                    if truth and not truth.count
+                    else []
+                ),
             ],
             model_alarms=self._faults.alarms(),
         )

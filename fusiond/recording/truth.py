@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import gzip
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.errors import LogError
-from fusiond.recording.decimal_time import nanoseconds_column
+from fusiond.recording.decimal_time import nanoseconds_column, nanoseconds_of
 from fusiond.types import NANOSECONDS
 
 
@@ -73,32 +74,50 @@ def read_truth(path: Path, angles: Collection[str]) -> Truth:
     """
     try:
         with open_text(path) as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, EOFError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: cannot be read ({error}); name an existing truth CSV") from error
-    header = [name.strip() for name in rows[0]] if rows else []
+            reader = csv.reader(file)
+            rows = [(reader.line_num, row) for row in reader if row]
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror or error}); name a truth CSV") from error
+    except (EOFError, UnicodeDecodeError, csv.Error) as error:
+        raise LogError(f"{path}: cannot be read as text ({error}); name a truth CSV") from error
+    header = [name.strip() for name in rows[0][1]] if rows else []
     if len(header) < 2 or header[0] != "t_s" or len(set(header)) != len(header):
         raise LogError(
             f"{path.name}: no truth file; write a header `t_s,` and names of states or outputs, each once"
         )
     if len(rows) < 2:
         raise LogError(f"{path.name}: has no rows; write at least one time with its values")
-    try:
-        t_ns = nanoseconds_column([row[0].strip() for row in rows[1:]])
-        values = np.array([row[1:] for row in rows[1:]], dtype=np.float64)
-    except ValueError as error:
-        raise LogError(
-            f"{path.name}: a row is not {len(header)} numbers ({error}); correct or remove it"
-        ) from error
-    if values.shape[1] != len(header) - 1 or not np.all(np.isfinite(values)):
-        raise LogError(f"{path.name}: a row is not {len(header)} finite numbers; correct or remove it")
+    t_ns, values = _columns(path, len(header), rows[1:])
     if np.any(np.diff(t_ns) < 0):
-        row = int(np.argmax(np.diff(t_ns) < 0)) + 3
-        raise LogError(f"{path.name}: line {row} is earlier than the one before; sort the file by time")
+        line = rows[int(np.argmax(np.diff(t_ns) < 0)) + 2][0]
+        raise LogError(f"{path.name}: line {line} is earlier than the one before; sort the file by time")
     names = tuple(header[1:])
     circular = np.array([name in angles for name in names], dtype=np.bool_)
     values[:, circular] = np.unwrap(values[:, circular], axis=0)
     return Truth(t_ns, names, values, circular)
+
+
+def _columns(
+    path: Path, width: int, rows: Sequence[tuple[int, list[str]]]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Times, (N,) ns, and values, (N, width - 1), of rows with their lines; raises LogError that names a bad line."""
+    try:
+        t_ns = nanoseconds_column([row[0].strip() for _, row in rows])
+        values = np.array([row[1:] for _, row in rows], dtype=np.float64)
+        if values.shape[1] == width - 1 and np.all(np.isfinite(values)):
+            return t_ns, values
+    except ValueError:
+        pass
+    line = next(line for line, row in rows if not _is_row(row, width))
+    raise LogError(f"{path.name}: line {line} is not {width} finite numbers; correct or remove it")
+
+
+def _is_row(row: list[str], width: int) -> bool:
+    try:
+        nanoseconds_of(row[0])
+        return len(row) == width and all(math.isfinite(float(cell)) for cell in row[1:])
+    except ValueError:
+        return False
 
 
 def open_text(path: Path) -> TextIO:

@@ -12,8 +12,7 @@ import zenoh
 
 from fusiond.errors import ConnectionFailed, FusiondError
 from fusiond.service.endpoints import checked_endpoint
-from fusiond.service.publisher import CONNECT_S
-from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
+from fusiond.service.sessions import CONNECT_S, DEFAULT_ENDPOINT, open_session, session_options
 
 TRIES = 4
 PAUSE_S = 0.1

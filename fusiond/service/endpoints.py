@@ -1,8 +1,10 @@
-"""Endpoints as Zenoh spells them, checked before anything is opened: Zenoh itself would try a wrong one for ever."""
+"""Endpoints and keys as Zenoh spells them, checked before anything is opened: Zenoh would try a wrong one for ever."""
 
 from __future__ import annotations
 
 import re
+
+import zenoh
 
 from fusiond.errors import ConfigError
 
@@ -42,3 +44,22 @@ def checked_endpoint(endpoint: str, subject: str) -> str:
                 "or 0 to have a free one picked"
             )
     return endpoint
+
+
+def checked_key(key: str, subject: str, *, single: bool = False) -> str:
+    """A key expression in its canonical form.
+
+    Args:
+        subject: who said it.      single: whether it must be one key, as for who publishes.
+    Raises: ConfigError.
+    """
+    try:
+        found = str(zenoh.KeyExpr.autocanonize(key))
+    except zenoh.ZError as error:
+        raise ConfigError(
+            f"{subject}: `{key}` is no key expression; write chunks between single slashes, none at either end, "
+            "with * or ** only as whole chunks"
+        ) from error
+    if single and "*" in found:
+        raise ConfigError(f"{subject}: `{found}` is many keys; name the one to publish on")
+    return found

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.engine.records import HAS_ARRIVAL, HAS_R, HAS_SEQ
-from fusiond.service.publisher import CONNECT_S, SensorPublisher, settle
-from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
+from fusiond.service.publisher import SensorPublisher, settle
+from fusiond.service.sessions import CONNECT_S, DEFAULT_ENDPOINT, join
 from fusiond.types import Role
 
 RESERVED = (Role.REFERENCE, Role.APPLIED)
@@ -38,7 +38,7 @@ class Player:
     ) -> None:  # fmt: skip
         self._speed = speed
         self._period_s = 1.0 / most_hz
-        self._session = open_session(session_options("client", connect=[connect]), timeout_s=CONNECT_S)
+        self._session = join(connect)
         self.publishers = [
             SensorPublisher(
                 name, sensor.name, connect, namespace=namespace, encoding=encoding, lossless=True,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from contextlib import suppress
 from types import TracebackType
 from typing import Any, Literal, Self
@@ -13,10 +13,11 @@ import zenoh
 
 from fusiond.errors import ConnectionFailed
 from fusiond.service import reading_json, reading_record
-from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
+from fusiond.service.endpoints import checked_key
+from fusiond.service.sessions import CONNECT_S, DEFAULT_ENDPOINT, join
 
 Covariance = Sequence[float] | Sequence[Sequence[float]]
-CONNECT_S = 5.0
+ENCODINGS = ("json", "record")
 SETTLE_S = 2.0
 RESERVED = ("reference", "applied")
 
@@ -40,7 +41,7 @@ class SensorPublisher:
         lossless: make `publish` wait where the network is slower than the sensor. For playing recordings, not for
             live sensors: a reading that comes late is worth less than the next one.
         session: an open session to share; it is left open.
-    Raises: ConnectionFailed where nobody answers in `CONNECT_S`.
+    Raises: ConfigError where `connect` is no endpoint or the key none; ConnectionFailed where nobody answers in time.
     """
 
     def __init__(
@@ -49,15 +50,19 @@ class SensorPublisher:
         session: zenoh.Session | None = None,
     ) -> None:  # fmt: skip
         prefix = namespace or f"fusiond/{name}"
-        self.key = key or (f"{prefix}/{sensor}" if sensor in RESERVED else f"{prefix}/sensor/{sensor}")
+        standing = f"{prefix}/{sensor}" if sensor in RESERVED else f"{prefix}/sensor/{sensor}"
+        self.key = checked_key(key or standing, f"{name}: {sensor}", single=True)
+        if encoding not in ENCODINGS or pack < 1:
+            known = " or ".join(ENCODINGS)
+            raise ValueError(
+                f"{self.key}: encoding {encoding!r}, pack {pack!r}; choose {known}, and 1 or more"
+            )
         self.seq = 0
         self._packs_records = encoding == "record"
         self._pack = pack
         self._waiting: list[bytes | str] = []
         self._own = session is None
-        self.session = session or open_session(
-            session_options("client", connect=[connect]), timeout_s=CONNECT_S
-        )
+        self.session = session or join(connect)
         control = zenoh.CongestionControl.BLOCK if lossless else zenoh.CongestionControl.DROP
         self._publisher = self.session.declare_publisher(
             self.key, congestion_control=control,
@@ -73,10 +78,14 @@ class SensorPublisher:
             z: its numbers in the order and units of the configuration's channels; one number may stand alone.
             t_ns: when it was measured, ns; without it, now (ns since 1970).
             R: its covariance (rows; JSON only) or variances, in squared units of z.
-        Raises: ValueError where R does not fit.
+        Raises: ValueError where z is empty or R does not fit.
         """
         stamp = time.time_ns() if t_ns is None else int(t_ns)
-        values = (z,) if isinstance(z, int | float) else z
+        values = z if isinstance(z, Sized) else (float(z),)
+        if not len(values) or (R is not None and len(R) != len(values)):
+            raise ValueError(
+                f"{self.key}: {len(values)} numbers with R = {R}; give one or more, and R as many rows"
+            )
         self._waiting.append(self._encode(values, stamp, R))
         self.seq += 1
         if len(self._waiting) >= self._pack:

@@ -20,12 +20,15 @@ from typing import Any
 import zenoh
 
 from fusiond.errors import ConnectionFailed
+from fusiond.service.endpoints import checked_endpoint
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 1000
 """A peer that has stopped is noticed after this long; every side announces its own."""
 RETRY_S = 0.1
 OPEN_TIMEOUT_S = 10.0
+CONNECT_S = 5.0
+"""The same for who asks or publishes."""
 
 Options = dict[str, Any]
 
@@ -75,6 +78,15 @@ def open_session(
                 f"there, or name the endpoint of its `ready` line with --connect"
             )
         time.sleep(RETRY_S)
+
+
+def join(connect: str, *, timeout_s: float = CONNECT_S) -> zenoh.Session:
+    """A client's session with the daemon or router at an endpoint.
+
+    Raises: ConfigError where it is no endpoint; ConnectionFailed where nobody answers in time.
+    """
+    options = session_options("client", connect=[checked_endpoint(connect, "connect")])
+    return open_session(options, timeout_s=timeout_s)
 
 
 def _config(options: Options) -> zenoh.Config:

@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import zenoh
-
 from fusiond.assembly.controlling import command_deadline_s
 from fusiond.config import RESERVED
 from fusiond.engine.layout import Layout
-from fusiond.errors import ConfigError
-from fusiond.service.endpoints import checked_endpoint
+from fusiond.service.endpoints import checked_endpoint, checked_key
 from fusiond.service.roles import CENTER, outer_prefix
 from fusiond.types import Role
 
@@ -49,7 +46,7 @@ def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Seq
     """Settings of a configuration; endpoints of the command line replace the file's. Raises: ConfigError."""
     service = config.service
     return Settings(
-        prefix=config.prefix,
+        prefix=checked_key(config.prefix, "namespace"),
         mode=service.mode,
         listen=_endpoints(listen, service.listen, "listen"),
         connect=_endpoints(connect, service.connect, "connect"),
@@ -60,7 +57,7 @@ def settings_of(config: Any, layout: Layout, listen: Sequence[str], connect: Seq
         tick_hz=service.tick_hz,
         record_hz=config.recording.estimate_hz,
         keys={
-            sensor.name: checked(config.key_of(sensor.name), f"sensor.{sensor.name}.key")
+            sensor.name: checked_key(config.key_of(sensor.name), f"sensor.{sensor.name}.key")
             for sensor in layout.sensors
         },
         role=service.role,
@@ -82,14 +79,3 @@ def _sends(config: Any, layout: Layout) -> dict[str, str]:
     outer = outer_prefix(config)
     updating = [sensor.name for sensor in layout.sensors if sensor.role is Role.UPDATE]
     return {name: f"{outer}/{name}" if name in RESERVED else f"{outer}/sensor/{name}" for name in updating}
-
-
-def checked(key: str, subject: str) -> str:
-    """A key expression in its canonical form. Raises: ConfigError."""
-    try:
-        return str(zenoh.KeyExpr.autocanonize(key))
-    except zenoh.ZError as error:
-        raise ConfigError(
-            f"{subject}: `{key}` is no key expression; write chunks between single slashes, none at either end, "
-            "with * or ** only as whole chunks"
-        ) from error

@@ -14,8 +14,8 @@ from typing import Any, Self
 import zenoh
 
 from fusiond.service import output_record
-from fusiond.service.publisher import CONNECT_S
-from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
+from fusiond.service.endpoints import checked_key
+from fusiond.service.sessions import DEFAULT_ENDPOINT, join
 
 KEPT = 4096
 """Messages kept for iteration; the oldest give way."""
@@ -52,7 +52,7 @@ class TopicSubscriber:
         name: the configuration's.
         topic: `estimate`, `control`, `health`, `event`, `report/SENSOR`, `local/SENSOR`.
         connect: endpoint of the daemon or router.      session: an open session to share; it is left open.
-    Raises: ConnectionFailed where nobody answers in `CONNECT_S`.
+    Raises: ConfigError where `connect` is no endpoint or the key none; ConnectionFailed where nobody answers in time.
     """
 
     def __init__(
@@ -66,11 +66,10 @@ class TopicSubscriber:
         self._closed = False
         self._epoch = 0
         self._own = session is None
-        self.session = session or open_session(
-            session_options("client", connect=[connect]), timeout_s=CONNECT_S
-        )
+        key = checked_key(f"{namespace or f'fusiond/{name}'}/{topic}", f"{name}: {topic}")
+        self.session = session or join(connect)
         self._subscriber = self.session.declare_subscriber(
-            f"{namespace or f'fusiond/{name}'}/{topic}", zenoh.handlers.Callback(self._take, indirect=False)
+            key, zenoh.handlers.Callback(self._take, indirect=False)
         )
 
     def latest(self) -> Message | None:

@@ -68,7 +68,8 @@ class Decoder:
         else:
             if self._run:
                 self._end_run()
-            self._count(sensor, self._text(sensor, arrival_ns, encoding, payload))
+            why = self._text(sensor, arrival_ns, encoding, payload)
+            self._count(sensor, [Verdict.MALFORMED] * len(why), *why[:1])
 
     def add_record(self, sensor: int, arrival_ns: int, payload: bytes) -> None:
         """Decode one put of records that stands alone: nothing behind it is worth waiting for."""
@@ -79,10 +80,12 @@ class Decoder:
         elif refused := reading_record.decode_records(payload, sensor, arrival_ns, self.batch):
             self._count(sensor, refused)
 
-    def _text(self, sensor: int, arrival_ns: int, encoding: str, payload: bytes) -> list[Verdict]:
-        """Decode what is no record, if it is JSON; a verdict for everything refused."""
-        if len(payload) > MOST_BYTES or not encoding.startswith(TEXT_ENCODINGS):
-            return [Verdict.MALFORMED]
+    def _text(self, sensor: int, arrival_ns: int, encoding: str, payload: bytes) -> list[str]:
+        """Decode what is no record, if it is JSON; why, for everything refused."""
+        if len(payload) > MOST_BYTES:
+            return [f"{len(payload)} bytes (limit {MOST_BYTES})"]
+        if not encoding.startswith(TEXT_ENCODINGS):
+            return [f"encoding {encoding}"]
         return reading_json.decode_json(payload, self.layout.sensors[sensor], arrival_ns, self.batch)
 
     def _end_run(self) -> None:
@@ -95,9 +98,10 @@ class Decoder:
     def _unknown(self) -> None:
         self.refusals.add(Verdict.UNKNOWN_SENSOR, "a key of no configured sensor")
 
-    def _count(self, sensor: int, refused: list[Verdict]) -> None:
+    def _count(self, sensor: int, refused: list[Verdict], why: str = "") -> None:
         for verdict in refused:
-            self.refusals.add(verdict, f"sensor {self.layout.sensors[sensor].name}")
+            who = f"sensor {self.layout.sensors[sensor].name}"
+            self.refusals.add(verdict, f"{who} ({why})" if why else who)
             counts = self.refused_by_sensor[sensor]
             counts[verdict.label] = counts.get(verdict.label, 0) + 1
 

@@ -175,6 +175,28 @@ def test_what_is_no_reading_is_malformed(decoder, text):
     assert len(readings) == 0
 
 
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("{", "no JSON, "),
+        ('{"t": 1}', "z: not a list of numbers"),
+        ('{"t": 1, "z": ["1"]}', "z: not a number"),
+        ('{"z": [1]}', "t: no number of seconds"),
+        ('{"t": 1, "z": [1], "sensr": 1}', "not an object of R, seq, t, t_ns, values, z alone"),
+        ('{"t": 1, "values": {"speed": 1}}', "values.position: not a number"),
+    ],
+)
+def test_the_first_malformed_reading_is_remembered_with_what_is_wrong_in_it(decoder, text, why):
+    decode(decoder, text)
+    assert decoder.refusals.first[Verdict.MALFORMED].startswith(f"sensor ultrasonic ({why}")
+
+
+def test_numpy_numbers_are_numbers():
+    assert encode_json(np.float32([0.5]), 0, R=np.array([[0.25]])) == (
+        '{"t": 0.000000000, "z": [0.5], "R": [[0.25]]}'
+    )
+
+
 def test_bytes_that_are_no_text_and_encodings_nobody_knows_are_malformed(decoder):
     assert decode(decoder, b"\xff\xfe{}")[1] == {Verdict.MALFORMED: 1}
     assert decode(decoder, encode_json([1.0], 0), "application/cdr")[1] == {Verdict.MALFORMED: 1}
