@@ -20,7 +20,14 @@ from fusiond.assembly.expected_cost import Expected, expected_costs
 from fusiond.assembly.jacobians import check_jacobians
 from fusiond.assembly.modules import require
 from fusiond.assembly.observability import require_observable
-from fusiond.assembly.package import import_package, inject_file, source_of, step_sources, write_package
+from fusiond.assembly.package import (
+    import_package,
+    inject_file,
+    is_compiled,
+    source_of,
+    step_sources,
+    write_package,
+)
 from fusiond.assembly.plain import check_choices, plain_design, plain_sources
 from fusiond.assembly.protecting import protected, write_protection
 from fusiond.assembly.resolve import Resolved, by_key, resolve
@@ -95,8 +102,7 @@ class Assembly:
     @property
     def is_compiled(self) -> bool:
         """Whether the step is in the cache, or needs no compiling: `prepare` then takes no long time."""
-        folder = Path(str(self.package.__file__)).parent
-        return self.layout.plain or any((folder / "__pycache__").glob("run.run-*.nbc"))
+        return self.layout.plain or is_compiled(self.package)
 
     def prepare(self) -> None:
         """Compile the step, or load it from the cache, before anybody waits for a reading."""

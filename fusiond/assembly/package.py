@@ -191,3 +191,8 @@ def import_package(folder: Path) -> ModuleType:
         sys.modules[name] = module
         spec.loader.exec_module(module)
     return importlib.import_module(f"{name}.run")
+
+
+def is_compiled(package: ModuleType) -> bool:
+    """Whether the machine code of a step's package is in the cache."""
+    return any((Path(str(package.__file__)).parent / "__pycache__").glob("run.run-*.nbc"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,12 +60,15 @@ def tracer_of(assembly: Assembly) -> Tracer:
         raise ConfigError(
             "--smooth: an estimate of noise is no linear update, and the smoother needs those; leave [adaptation] out"
         )
+    return Tracer(assembly.layout, assembly.design, retrace_package(assembly).run)
+
+
+def retrace_package(assembly: Assembly) -> ModuleType:
+    """The module `run` of the retracing step, written beside the compiled step it is made of."""
     assert assembly.package.__file__ is not None
     folder = Path(assembly.package.__file__).parent
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py"))}
-    sources = retrace_sources(files, linear=assembly.resolved.process.linear)
-    package = import_package(write_package(sources))
-    return Tracer(assembly.layout, assembly.design, package.run)
+    return import_package(write_package(retrace_sources(files, linear=assembly.resolved.process.linear)))
 
 
 def injection_of(assembly: Assembly) -> Callable[[Floats, Floats], Floats]:

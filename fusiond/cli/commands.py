@@ -12,6 +12,10 @@ import typer
 from fusiond import __version__
 from fusiond.errors import LogError
 
+SPEC = (
+    "SPEC is SENSOR[.CHANNEL].KIND[=SIZE]@START[+DURATION]: times in s from the first reading on, channels from 0, "
+    "KIND one of delay, scale, bias, drift, noise, spike, stuck, nan, intermittent, broken."
+)
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
@@ -35,7 +39,7 @@ Inject = Annotated[
     typer.Option(
         "--inject",
         metavar="SPEC",
-        help="A fault: SENSOR[.CHANNEL].KIND[=SIZE]@START[+DURATION], e.g. gps.bias=5@10+3. May be repeated.",
+        help="A fault, e.g. gps.bias=5@10+3; see below. May be repeated.",
     ),
 ]
 Part = Annotated[
@@ -65,7 +69,7 @@ def _options(
     """Options before the command."""
 
 
-@app.command()
+@app.command(epilog=SPEC)
 def demo(
     name: Annotated[
         str, typer.Argument(help="A simulated system; a name that is none lists them all.")
@@ -110,7 +114,8 @@ def run(
 def check(
     config: ConfigPath,
     plots: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Draw the fuzzy sets and the control surface there.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Draw the fuzzy sets and the surface of adaptation there."),
     ] = None,
     as_json: Json = False,
     part: Part = None,
@@ -139,7 +144,7 @@ def check(
         show_loop(result, console)
 
 
-@app.command()
+@app.command(epilog=SPEC)
 def replay(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="CSV or MCAP.", show_default=False)],
     config: ConfigPath,

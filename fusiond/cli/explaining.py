@@ -22,7 +22,7 @@ WIDTH = 160
 
 def show_why(answer: Mapping[str, Any], console: Console | None = None) -> None:
     """Turns of the sensor's health, then one row for each reading."""
-    console = console or wide_console()
+    console = console or screen()
     covers = answer["covers_s"]
     if covers is None:
         console.print(f"{answer['sensor']}: no reading has come yet", highlight=False)
@@ -60,10 +60,10 @@ def _until(found: Mapping[str, Any]) -> str:
     return f", found at {found['detected_s']:.3f} s, {over}"
 
 
-def wide_console() -> Console:
-    """Standard output; wide where it is no terminal, so that nothing is cut off in a file."""
-    console = Console()
-    return console if console.is_terminal else Console(width=WIDTH)
+def screen() -> Console:
+    """Standard output: lines of text are never broken, tables keep to a terminal's width and are whole in a file."""
+    console = Console(soft_wrap=True)
+    return console if console.is_terminal else Console(soft_wrap=True, width=WIDTH)
 
 
 def _table(readings: Sequence[Mapping[str, Any]], spared: Sequence[str]) -> Table:

@@ -49,9 +49,11 @@ def replay_log(
         writer = None
         if out:
             writer = closing.enter_context(McapWriter(out, layout, config_text, known_noise=known_noise))
-        with working("compiling the filter (once for each configuration)"):
+        compiling = "for this configuration, once; up to half a minute"
+        with working(f"compiling the filter {compiling}", long=not assembly.is_compiled):
             assembly.prepare()
-            if smoothing:
+        if smoothing:
+            with working(f"compiling the smoother {compiling}", long=not smoothing.is_compiled):
                 smoothing.tracer.prepare()
         given = source if lies is None else lies
         with counting(f"replay {log.name}") as progress:
@@ -86,11 +88,13 @@ class Smoothing:
     """A smoother beside a replay; a context manager. Raises ConfigError where the configuration cannot be smoothed."""
 
     def __init__(self, assembly: Assembly, engine: Engine) -> None:
-        from fusiond.assembly.retracing import injection_of, tracer_of
+        from fusiond.assembly.package import is_compiled
+        from fusiond.assembly.retracing import injection_of, retrace_package, tracer_of
         from fusiond.recording.smoothing import Smoother
 
         self._assembly, self._engine = assembly, engine
         self.tracer = tracer_of(assembly)
+        self.is_compiled = is_compiled(retrace_package(assembly))
         self.smoother = Smoother(self.tracer, assembly.design, injection_of(assembly), engine.track)
 
     def pieces(self, chunks: Iterable[NDArray[Any]]) -> Iterable[NDArray[Any]]:

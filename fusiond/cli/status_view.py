@@ -24,7 +24,7 @@ def show_status(answer: Answer) -> None:
         console.print(estimate_table(answer["estimate"]))
     console.print(sensor_table(answer["sensors"]))
     for line in remarks(answer):
-        console.print(line)
+        console.print(line, markup=False)
 
 
 def estimate_table(estimate: Answer) -> Table:
@@ -38,28 +38,21 @@ def estimate_table(estimate: Answer) -> Table:
 
 
 def sensor_table(sensors: Mapping[str, Answer]) -> Table:
-    """A row for each sensor; a reading is used, rejected or late, or was none."""
-    table = table_of("", "sensor", "per second", "used", "rejected", "late", "lost", "no reading", "health")
+    """A row for each sensor, within 80 columns; a reading is used, rejected or late, or was none."""
+    table = table_of("", "sensor", "per s", "used", "rejected", "late", "lost", "unread", "health")
     for name, sensor in sensors.items():
         counts = [str(sensor[key]) for key in ("used", "rejected", "late", "lost")]
         none = str(sum(sensor["refused"].values()))
-        table.add_row(name, f"{sensor['rate_hz']:.1f}", *counts, none, condition(sensor))
+        health = str(sensor["health"]) if sensor["heard"] else "never heard"
+        table.add_row(name, f"{sensor['rate_hz']:.1f}", *counts, none, health)
     return table
-
-
-def condition(sensor: Answer) -> str:
-    """`healthy`, `silent, never heard`, or the fault with its size."""
-    health = str(sensor["health"])
-    if not sensor["heard"]:
-        return f"{health}, never heard" if health == "silent" else "never heard"
-    fault = sensor["fault"]
-    if not fault:
-        return health
-    return fault_text(fault) if fault["kind"] == health else f"{health}: {fault_text(fault)}"
 
 
 def remarks(answer: Answer) -> Iterator[str]:
     """What there is to say beside the tables; nothing about what is as it should be."""
+    for name, sensor in answer["sensors"].items():
+        if sensor["fault"] and sensor["heard"]:
+            yield f"{name}: {fault_text(sensor['fault'])}"
     if answer["model"]["alarm"]:
         yield "model alarm: the model does not describe what is measured"
     if answer["resets"]:

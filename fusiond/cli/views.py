@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from fusiond.cli.explaining import found_lines
+from fusiond.cli.explaining import found_lines, screen
 
-console = Console()
+console = screen()
 
 
 @contextmanager
@@ -33,13 +33,15 @@ def counting(what: str) -> Iterator[Callable[[int], None]]:
 
 
 @contextmanager
-def working(what: str) -> Iterator[None]:
-    """A spinner while something takes its time."""
-    stderr = Console(stderr=True)
+def working(what: str, *, long: bool = False) -> Iterator[None]:
+    """A spinner while something takes its time; what takes `long` is told to a file too."""
+    stderr = Console(stderr=True, soft_wrap=True)
     if stderr.is_terminal:
         with stderr.status(what):
             yield
     else:
+        if long:
+            stderr.print(f"{what} ...")
         yield
 
 
@@ -150,7 +152,9 @@ def _show_smoothed(smoothed: Mapping[str, Any]) -> None:
         table.add_row(name, number(smoothed["filter_std"][name]), number(std))
     console.print(table)
     if smoothed.get("nees_mean") is not None:
-        console.print(f"mean NEES, smoothed {smoothed['nees_mean']:.3f}")
+        console.print(
+            f"mean NEES, smoothed {smoothed['nees_mean']:.3f} (a consistent smoother: {smoothed['nees_dof']})"
+        )
 
 
 def show_import(imported: Any, out: Path) -> None:

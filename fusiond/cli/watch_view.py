@@ -50,6 +50,7 @@ def plain_line(watched: Watched) -> str:
     estimate = status["estimate"] or {"t": 0.0, "state": {}, "std": {}}
     parts = [f"{estimate['t']:.2f} s", str(status["service"])]
     parts += ["MODEL ALARM"] if status["model"]["alarm"] else []
+    parts += ["+- 3 sigma"] if estimate["state"] else []
     for name, value in estimate["state"].items():
         std = estimate["std"].get(name)
         band = "" if std is None else f" +-{3 * std:.4g}"

@@ -62,8 +62,9 @@ def line(scene: Scene) -> str:
     if scene.estimate is not None:
         parts.append(str(scene.estimate["health"]))
         std = scene.estimate["std"]
+        parts.append("+- 3 sigma")
         parts += [
-            f"{name} {value:.5f} +-{3 * std[name]:.5f} {scene.setting.units.get(name, '')}"
+            f"{name} {value:.5f} +-{3 * std[name]:.5f} {scene.setting.units.get(name, '').replace('_', '/')}"
             for name, value in scene.estimate["state"].items()
             if name in std
         ]

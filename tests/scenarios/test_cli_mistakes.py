@@ -12,6 +12,7 @@ from fusiond.errors import ConfigError
 from fusiond.recording.mcap_blocks import MAGIC
 from fusiond.service.client import EstimateSubscriber, SensorPublisher
 from fusiond.service.endpoints import checked_endpoint
+from fusiond.simulation.faults import FORM, Kind
 from tests.scenarios.test_cli import CONFIGS, LOG, MINICAR, command, log
 
 __all__ = ["command", "log"]
@@ -207,3 +208,13 @@ def test_a_publisher_refuses_before_anything_is_opened(words, kind, fact):
 def test_a_subscriber_refuses_before_anything_is_opened():
     with pytest.raises(ConfigError, match=r"^connect: `` is no endpoint"):
         EstimateSubscriber("minicar", connect="")
+
+
+def test_the_help_of_inject_is_whole_on_80_columns(command, monkeypatch):
+    """The form of a fault and every kind there is, unbroken."""
+    monkeypatch.setenv("COLUMNS", "80")
+    for word in ("demo", "replay"):
+        _, out, _ = command(word, "--help")
+        words = " ".join(out.split())
+        assert FORM in out
+        assert f"KIND one of {', '.join(Kind)}." in words

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from rich.console import Console
 
-from fusiond.cli.status_view import condition, show_status
+from fusiond.cli import status_view
+from fusiond.cli.status_view import show_status
 
 HEALTHY = {
     "health": "healthy", "heard": True, "fault": None, "rate_hz": 33.3, "used": 7, "rejected": 0, "late": 0, "lost": 0,
@@ -70,12 +72,38 @@ def test_what_is_not_has_its_line(capsys, changes, line):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({}, "healthy"),
-        ({"heard": False, "health": "silent"}, "silent, never heard"),
-        ({"heard": False, "health": "healthy"}, "never heard"),
-        ({"health": "excluded", "fault": BIAS}, "excluded: bias +0.5 +-0.01 m since 10.000 s"),
-        ({"health": "silent", "fault": BIAS | {"kind": "silent"}}, "silent since 10.000 s"),
+        ({}, ["healthy"]),
+        ({"heard": False, "health": "silent"}, ["never heard"]),
+        ({"heard": False, "health": "healthy"}, ["never heard"]),
+        (
+            {"health": "excluded", "fault": BIAS},
+            ["excluded", "ultrasonic: bias +0.5 +-0.01 m since 10.000 s"],
+        ),
+        (
+            {"health": "silent", "fault": BIAS | {"kind": "silent"}},
+            ["silent", "ultrasonic: silent since 10.000 s"],
+        ),
     ],
 )
-def test_a_sensor_says_what_is_wrong_with_it(changes, words):
-    assert condition(HEALTHY | changes) == words
+def test_a_sensor_says_what_is_wrong_with_it(capsys, changes, words):
+    """Its health at the end of its row, its fault in a line of its own."""
+    row, *faults = printed(capsys, sensors={"ultrasonic": HEALTHY | changes}).rstrip().splitlines()[5:]
+    assert row.startswith("ultrasonic")
+    assert [row.split("  ")[-1].strip(), *faults] == words
+
+
+def test_80_columns_hold_every_sensor_in_a_row(capsys, monkeypatch):
+    """A name of 16 letters, eight-digit counts and a fault of two: no row is broken."""
+    monkeypatch.setattr(status_view, "console", Console(width=80, soft_wrap=True))
+    busy = HEALTHY | {
+        "used": 12_345_678,
+        "rejected": 1234,
+        "health": "excluded",
+        "fault": BIAS,
+        "rate_hz": 1000.0,
+    }
+    rows = printed(capsys, sensors=dict.fromkeys(["accelerometer_xy", "gps"], busy)).splitlines()
+    assert [row.split()[-1] for row in rows if row.startswith(("accelerometer_xy ", "gps "))] == [
+        "excluded"
+    ] * 2
+    assert max(map(len, rows)) <= 80

@@ -116,7 +116,9 @@ def test_without_a_terminal_it_prints_plain_lines():
     assert done.returncode == 0, done.stderr
     assert "\x1b" not in done.stdout
     lines = done.stdout.splitlines()
-    assert any(re.match(r"\s*\d+\.\d\d s \| nominal \| position \S+ \+-", line) for line in lines)
+    assert any(
+        re.match(r"\s*\d+\.\d\d s \| nominal \| \+- 3 sigma \| position \S+ \+-", line) for line in lines
+    )
     assert lines[-1] == "verdict: everything holds"
 
 

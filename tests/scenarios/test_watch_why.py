@@ -127,7 +127,7 @@ def test_the_panel_fits_its_terminal_and_names_the_fault(columns, lines):
 def test_a_line_says_the_same_and_that_nobody_answers():
     seen = watched()
     assert plain_line(seen) == (
-        "5.10 s | degraded | position 1.95 +-0.006 m | "
+        "5.10 s | degraded | +- 3 sigma | position 1.95 +-0.006 m | "
         "ultrasonic faulty: bias +0.4889 +-0.0073 m since 5.010 s | applied healthy"
     )
     seen.gone = "minicar: nothing answers"
