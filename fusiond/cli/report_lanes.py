@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from fusiond.cli.report_pictures import Pictures
 
 LEGEND = "healthy", "probation", "suspect", "faulty", "silent", "excluded"
-LABEL_SHARE = 0.4
-"""Share of the width a fault's words may take; where the faults beside it leave less its number stands alone."""
+LETTER_SHARE = 0.0085
+"""Of the width, for one letter of a fault's words; where the faults beside it leave less its number stands alone."""
 NEAR_SHARE = 0.03
 """Onsets nearer to each other than this share of the width have one label."""
 MARKED = 100
@@ -62,7 +62,7 @@ def lanes(pictures: Pictures) -> Figure:
     axes.grid(axis="y", visible=False)
     figure.legend(
         handles=[Patch(color=LIGHT[word], label=word) for word in LEGEND],
-        loc="outside upper right",
+        loc="outside upper left",
         ncols=len(LEGEND),
     )
     return figure
@@ -78,7 +78,7 @@ def _lane(axes: Axes, pictures: Pictures, place: int, column: int) -> None:
         axes.barh(place, b - a, left=a, height=0.34, color=colour, linewidth=0)
         if stop - start > 0.012 * length * len(state.label):
             word = state.label.replace("_", " ")
-            ink = "#161616" if colour == LIGHT["suspect"] else "#ffffff"
+            ink = "#ffffff" if colour == LIGHT["excluded"] else "#161616"
             axes.text((a + b) / 2, place, word, ha="center", va="center_baseline", color=ink, fontsize=7.5)
 
 
@@ -99,13 +99,22 @@ def _marks(axes: Axes, pictures: Pictures, place: int, faults: Sequence[tuple[in
         before = pictures.at(groups[k - 1][-1][1]["onset_s"]) if k else pictures.shift_s
         words = ", ".join(str(number) for number, _ in group)
         left = after - last < NEAR_SHARE * span
-        if len(group) == 1 and max(after - last, first - before) > LABEL_SHARE * span:
-            left = after - last <= LABEL_SHARE * span
-            words = f"{words}  {plain(group[0][1])}"
-        axes.text(
+        said = f"{words}  {short(group[0][1])}"
+        needed = LETTER_SHARE * span * len(said)
+        if len(group) == 1 and max(after - last, first - before) > needed:
+            left = after - last <= needed
+            words = said
+        label = axes.text(
             first - 0.008 * span if left else last + 0.008 * span, place - 0.3, words, fontsize=8,
             ha="right" if left else "left", va="center_baseline",
         )  # fmt: skip
+        # Every picture has the same times in the same place, whatever a label needs.
+        label.set_in_layout(False)
+
+
+def short(fault: FaultObject) -> str:
+    """Its kind and size: the table has the rest."""
+    return plain(fault).split(" since ")[0]
 
 
 def plain(fault: FaultObject) -> str:

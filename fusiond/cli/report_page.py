@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 from html import escape
 
 from fusiond import __version__
@@ -20,6 +21,7 @@ STYLE = """
   :root { color-scheme: light; --ground: #ffffff; --soft: #f3f5f7; --rule: #d5dae0; %(light)s }
   details > :not(summary) { break-inside: avoid }
   main { max-width: none; padding: 0 }
+  svg { min-width: 0 !important }
 }
 * { box-sizing: border-box }
 body { margin: 0; background: var(--ground); color: var(--ink); font: 15px/1.5 system-ui, sans-serif }
@@ -28,8 +30,8 @@ h1 { font-size: 1.6rem; margin: 0 }
 h2 { font-size: 1.15rem; margin: 2.2rem 0 .4rem }
 h3 { font-size: 1rem; margin: 1.2rem 0 .2rem }
 p { margin: .3rem 0; max-width: 75ch }
-figure { margin: .4rem 0 0; break-inside: avoid }
-svg { width: 100%%; height: auto; display: block }
+figure { margin: .4rem 0 0; break-inside: avoid; overflow-x: auto }
+svg { width: 100%%; min-width: 720px; height: auto; display: block }
 dl { display: flex; flex-wrap: wrap; gap: .6rem; margin: 1rem 0 }
 dl div { background: var(--soft); border-radius: .5rem; padding: .5rem .9rem }
 dt { font-size: .8rem; opacity: .75 }
@@ -57,6 +59,10 @@ PAGE = """<!DOCTYPE html>
 </html>
 """
 NUMERIC = frozenset("0123456789-+")
+OPEN = "open"
+"""Stands for the end of what has none yet."""
+UNIX_S = 1e9
+"""Times from here on are taken for seconds since 1970."""
 
 
 def page(run: RunReport) -> str:
@@ -95,7 +101,7 @@ def facts(run: RunReport) -> str:
     told = {
         "readings": f"{run.counts['readings']:,}",
         "duration": f"{run.duration_s:.3f} s",
-        "from": f"{seconds(run.origin_ns):.3f} s",
+        "from": moment(run.origin_ns),
         "service at the end": run.health.service.label.replace("_", " "),
         "faults found": f"{len(found)}" + (f", {open_ones} open" if open_ones else ""),
     }
@@ -105,13 +111,21 @@ def facts(run: RunReport) -> str:
     return f"<dl>{''.join(items)}</dl>"
 
 
+def moment(t_ns: int) -> str:
+    """A time of the log; with its date where it is Unix time."""
+    t_s = seconds(t_ns)
+    date = f"{datetime.fromtimestamp(t_s, UTC):, %Y-%m-%d %H:%M:%S} UTC" if t_s >= UNIX_S else ""
+    return f"{t_s:.3f} s{date}"
+
+
 def faults(run: RunReport, pictures: Pictures) -> Iterable[str]:
     """The time line and the table of faults."""
     yield "<h2>Faults</h2>"
+    after = "" if pictures.shift_s == seconds(run.origin_ns) else ", seconds after the first reading"
     yield (
         "<p>A triangle stands at the onset of a fault, a stroke where it was found; numbers are those of the table. "
         "The service is nominal, degraded, dead reckoning or invalid, in the colours of healthy, suspect, faulty and "
-        "excluded.</p>"
+        f"excluded. Times are those of the axis{after}.</p>"
     )
     yield f"<figure>{pictures.time_line()}</figure>"
     found = numbered(run)
@@ -129,21 +143,25 @@ def faults(run: RunReport, pictures: Pictures) -> Iterable[str]:
             "size",
             "ambiguous with",
         )
-        rows = [(str(k + 1), name, *fault_row(run, name, fault)) for k, (name, fault) in enumerate(found)]
+        rows = [
+            (str(k + 1), name, *fault_row(pictures, name, fault)) for k, (name, fault) in enumerate(found)
+        ]
         yield table(head, rows)
     for alarm in run.alarms():
-        over = "still" if alarm["cleared_s"] is None else f"until {alarm['cleared_s']:.3f} s"
-        yield f'<p class="words">The model was blamed from {alarm["detected_s"]:.3f} s, {over}.</p>'
+        over = "still" if alarm["cleared_s"] is None else f"until {pictures.at(alarm['cleared_s']):.3f} s"
+        found_s = pictures.at(alarm["detected_s"])
+        yield f'<p class="words">The model was blamed from {found_s:.3f} s, {over}.</p>'
 
 
-def fault_row(run: RunReport, name: str, fault: FaultObject) -> tuple[str, ...]:
+def fault_row(pictures: Pictures, name: str, fault: FaultObject) -> tuple[str, ...]:
     """A fault's cells after its number and its sensor."""
+    run, at = pictures.run, pictures.at
     slots = run.layout.sensors[run.layout.numbers[name]].channels
     channel = "all" if fault["channel"] is None else slots[fault["channel"]].name
     size = "" if fault["kind"] in SIZELESS else plain(fault).split(" ", 1)[1].split(" since ")[0]
     return (
-        fault["kind"], channel, f"{fault['onset_s']:.3f}", f"{fault['detected_s']:.3f}",
-        "open" if fault["cleared_s"] is None else f"{fault['cleared_s']:.3f}",
+        fault["kind"], channel, f"{at(fault['onset_s']):.3f}", f"{at(fault['detected_s']):.3f}",
+        OPEN if fault["cleared_s"] is None else f"{at(fault['cleared_s']):.3f}",
         size.split(" on channel")[0], ", ".join(fault["ambiguous_with"]),
     )  # fmt: skip
 
@@ -201,7 +219,9 @@ def tables(run: RunReport) -> Iterable[str]:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table of text; what looks like a number stands to the right."""
-    columns = [all(row[k][:1] in NUMERIC for row in rows if row[k]) for k in range(len(head))]
+    columns = [
+        all(row[k][:1] in NUMERIC or row[k] == OPEN for row in rows if row[k]) for k in range(len(head))
+    ]
     marks = [' class="number"' if right and k else "" for k, right in enumerate(columns)]
 
     def line(cells: Sequence[str], tag: str) -> str:

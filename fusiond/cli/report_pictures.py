@@ -20,6 +20,7 @@ from fusiond.types import NANOSECONDS, Slot, seconds
 Floats = NDArray[np.float64]
 SILENCE = 5.0
 """A pause this many times longer than usual interrupts a curve."""
+POWERS = str.maketrans("23", "\u00b2\u00b3")
 SHADED = 200
 """Most faults shaded behind curves."""
 
@@ -147,12 +148,14 @@ class Pictures:
             share = states.inside().get(slot.name)
             told = "" if share is None else f", {100 * share:.1f} % within 3 sigma"
             panel.set_title(f"error{told}")
+            panel.set_ylabel(unit_of(slot))
         elif np.any(width > 0):
             low = states.widths.low[bins, k]
             panel.fill_between(t_s, low, width, color=LIGHT["line"], alpha=0.25, linewidth=0)
             panel.plot(t_s, width, color=LIGHT["line"])
             panel.set_yscale("log")
             panel.set_title("3 sigma")
+            panel.set_ylabel(unit_of(slot))
         else:
             panel.set_title("no standard deviation of its own")
             panel.set_yticks([])
@@ -261,5 +264,5 @@ def usual(width: Floats) -> tuple[Floats, Floats]:
 
 
 def unit_of(slot: Slot) -> str:
-    """A unit for an axis: `m/s`, `N`."""
-    return "N" if slot.unit == "n" else slot.unit.replace("_", "/")
+    """A unit for an axis: `m/s\u00b2`, `N`."""
+    return "N" if slot.unit == "n" else slot.unit.replace("_", "/").translate(POWERS)
