@@ -33,10 +33,11 @@ def draw_sets(rules: Rules, folder: Path) -> Path:
         for at, (kind, (title, span)) in zip(axes, TITLES.items(), strict=True):
             for label, corners in getattr(rules, kind).items():
                 line = at.plot(corners, [0.0, 1.0, 1.0, 0.0], label=label)[0]
-                at.text(0.5 * (corners[1] + corners[2]), 1.02, label, color=line.get_color(), ha="center")
+                at.text(0.5 * (corners[1] + corners[2]), 1.06, label, color=line.get_color(), ha="center")
             at.set_xlim(*span)
-            at.set_ylim(0.0, 1.2)
+            at.set_ylim(0.0, 1.25)
             at.set_xlabel(title)
+            at.set_ylabel("membership")
         return _save(figure, folder / "fuzzy_sets.svg")
 
 

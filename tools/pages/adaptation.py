@@ -39,7 +39,7 @@ def picture(into: Path) -> None:
             place.plot(reports["R_used"][:, 0], color=color, lw=0.9, label=method)
         place.plot(std**2, color="#222222", lw=1.0, label="true")
         place.set(xlabel="reading", ylabel="R, m²", yscale="log")
-        place.legend(loc="upper right", ncols=4)
+        place.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -25,13 +25,14 @@ def mower(scaled: Recorded, raw: Recorded, path: Path) -> None:
             ranges = run.used("uwb")
             parts["map"].plot(*run.reports["x"][ranges, :2].T, color=colour, lw=0.8, label=name)
             t_s, apart = errors(run, run.reports, ["x", "y"])
-            parts["error"].plot(t_s, np.hypot(*apart.T), color=colour, lw=0.8)
+            parts["error"].plot(t_s, np.hypot(*apart.T), color=colour, lw=0.8, label=name)
         parts["map"].plot(places[:, 1], places[:, 2], "^", color=OTHER, ms=8, label="beacons")
         parts["map"].set(
             xlabel="x, m", ylabel="y, m", title="plaza2: a mower among four beacons", aspect="equal"
         )
         parts["map"].legend(loc="lower left")
         parts["error"].set(ylabel="error of position, m", ylim=(0, None), xlim=(0, 410))
+        parts["error"].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
         found, std = scaled.reports["x"][:, 3], scaled.reports["std"][:, 3]
         at = slice(None, None, 5)
         low, high = (found - 3.0 * std)[at], (found + 3.0 * std)[at]

@@ -43,7 +43,13 @@ def errors(path: Path) -> None:
         for column, title in enumerate(("double lane change", "J-turn")):
             axes[0, column].set(title=title, xlim=(1.0, None), ylim=(-0.2, 0.2), ylabel="error of vy, m/s")
             axes[1, column].set(ylim=(-0.003, 0.003), ylabel="error of yaw rate, rad/s", xlabel="time, s")
-            axes[0, column].legend(ncols=4, fontsize=7.5, loc="upper right")
+            axes[0, column].legend(
+                ncols=4,
+                fontsize=7.5,
+                loc="upper right",
+                title=f"thick: RMS of {SEEDS} seeds, thin: one of them",
+                title_fontsize=7.5,
+            )
 
 
 def outage(path: Path) -> None:

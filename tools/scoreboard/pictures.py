@@ -76,10 +76,11 @@ def promise(path: Path, curves: Curves) -> None:
                 chosen = [np.array([wrong[one][k] for k in kept]) for one in ("value", "low", "high")]
                 _bars(right, [wrong["name"][k] for k in kept], chosen, color, shift, profile)
             right.axvline(1.0 / 3.0, color=BOUND, lw=0.8, ls="--")
-            right.legend(loc="lower right")
+            drawn.legend(loc="outside lower right", ncols=2)
             right.set(xscale="log")
             _ticks(right, (0.1, 0.2, 0.5, 1.0, 2.0))
-        right.set(title="noise wrong, promised 10 000 samples", xlabel="measured / promised")
+        right.set_title("noise wrong, promised 10 000 samples", loc="right")
+        right.set_xlabel("measured / promised")
 
 
 def _bars(
@@ -120,7 +121,7 @@ def _matrix(place: Axes, shares: Any, title: str) -> None:
     names = [f"y{k + 1}" for k in range(sensors)]
     place.set_xticks(range(sensors + 2), [*names, "set", "none"])
     place.set_yticks(range(sensors), names)
-    place.set(title=title)
+    place.set(title=title, xlabel="named", ylabel="at fault")
     place.grid(visible=False)
 
 
