@@ -327,3 +327,13 @@ def schema() -> None:
     from fusiond.config import schema as json_schema
 
     typer.echo(json.dumps(json_schema(), indent=2))
+
+
+@config_app.command()
+def kinds(
+    kind: Annotated[str | None, typer.Argument(help="One of them, with all it takes.")] = None,
+) -> None:
+    """List the built-in models, sensors and control laws, or what one of them takes."""
+    from fusiond.cli.kinds_view import show_kinds
+
+    show_kinds(kind)

@@ -10,7 +10,9 @@ import pytest
 
 from fusiond.assembly.assembly import load
 from fusiond.cli import main
+from fusiond.control.catalogue import LAWS
 from fusiond.errors import ConfigError
+from fusiond.models.catalogue import PROCESSES, SENSORS
 from fusiond.recording.mcap_writer import keep_existing
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -125,3 +127,16 @@ def test_schema_and_check_speak_json(command):
     status, out, _ = command("check", MINICAR, "--json")
     assert status == 0
     assert json.loads(out)["observability"]["rank"] == 3
+
+
+def test_every_kind_is_listed_and_tells_what_it_takes(command):
+    """A line for each; of one, each of its parameters, those without a default to be filled in."""
+    listed = command("config", "kinds")[1]
+    for kind in (*PROCESSES, *SENSORS, *LAWS):
+        assert f" {kind} " in listed
+        assert f'= "{kind}"' in command("config", "kinds", kind)[1]
+    told = command("config", "kinds", "planar_robot")[1]
+    assert "acceleration_noise_m_s2_sqrt_hz = ?  # float" in told
+    assert "max_step_s = 0.1" in told
+    status, _, err = command("config", "kinds", "gps")
+    assert (status, "did you mean `gps_course` or `gps_position`?" in err) == (2, True)
