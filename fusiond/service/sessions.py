@@ -72,6 +72,8 @@ def open_session(
         if options["listen/endpoints"] and "listener" in reason:
             raise ConnectionFailed(_listen_failure(options, reason))
         if give_up() or time.monotonic() > deadline:
+            if not options["connect/endpoints"]:
+                raise ConnectionFailed(_listen_failure(options, reason))
             where = ", ".join(options["connect/endpoints"]) or "no endpoint"
             raise ConnectionFailed(
                 f"connect {where}: nobody answered within {timeout_s:g} s; start the daemon (`fusiond run`) or router "

@@ -9,6 +9,7 @@ import threading
 import numpy as np
 import pytest
 
+from fusiond.errors import ConnectionFailed
 from fusiond.service.counters import REMEMBERED, Counters, Gaps
 from fusiond.service.health_watch import HealthWatch, Transition
 from fusiond.service.intake import subscriptions
@@ -18,6 +19,7 @@ from fusiond.service.messages import ControlMessage, EstimateMessage, dumps, rep
 from fusiond.service.notify import Notifier
 from fusiond.service.output_record import decode_output, encode_control, encode_estimate
 from fusiond.service.report_rows import ReportRows
+from fusiond.service.sessions import open_session, session_options
 from fusiond.service.telemetry import QUIET_NS, Voice
 from fusiond.types import Health, ServiceHealth, Verdict
 
@@ -266,3 +268,10 @@ def test_what_repeats_is_held_back_and_counted():
         voice.warn("gps", k, "gps: silent")
     voice.warn("gps", QUIET_NS + 5, "gps: silent")
     assert lines == [("gps: silent", {}), ("gps: silent", {"held_back": 4})]
+
+
+def test_an_endpoint_of_an_unknown_host_is_named_as_one_to_listen_on():
+    with pytest.raises(
+        ConnectionFailed, match=r"^listen tcp/nowhere\.invalid:7447: .*; choose another --listen"
+    ):
+        open_session(session_options("peer", listen=["tcp/nowhere.invalid:7447"]), timeout_s=0.0)
