@@ -13,7 +13,7 @@ import zenoh
 
 from fusiond.errors import ConnectionFailed
 from fusiond.service import reading_json, reading_record
-from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
+from fusiond.service.sessions import DEFAULT_ENDPOINT, Endpoints, user_session
 
 Covariance = Sequence[float] | Sequence[Sequence[float]]
 CONNECT_S = 5.0
@@ -33,7 +33,7 @@ class SensorPublisher:
 
     Args:
         name: the configuration's.      sensor: the sensor's name in it, also `reference` or `applied`.
-        connect: endpoint of the daemon or router.
+        connect: endpoint of the daemon or router, or those of all daemons of a group.
         encoding: `json` for people, `record` for speed (packed, with a checksum).
         pack: readings sent in one put; more than one trades delay for throughput (`flush` sends what waits).
         key: key expression, where the configuration gives the sensor its own.
@@ -44,7 +44,7 @@ class SensorPublisher:
     """
 
     def __init__(
-        self, name: str, sensor: str, connect: str = DEFAULT_ENDPOINT, *, namespace: str | None = None,
+        self, name: str, sensor: str, connect: Endpoints = DEFAULT_ENDPOINT, *, namespace: str | None = None,
         encoding: Literal["json", "record"] = "json", pack: int = 1, key: str | None = None, lossless: bool = False,
         session: zenoh.Session | None = None,
     ) -> None:  # fmt: skip
@@ -55,9 +55,7 @@ class SensorPublisher:
         self._pack = pack
         self._waiting: list[bytes | str] = []
         self._own = session is None
-        self.session = session or open_session(
-            session_options("client", connect=[connect]), timeout_s=CONNECT_S
-        )
+        self.session = session or user_session(connect, CONNECT_S)
         control = zenoh.CongestionControl.BLOCK if lossless else zenoh.CongestionControl.DROP
         self._publisher = self.session.declare_publisher(
             self.key, congestion_control=control,

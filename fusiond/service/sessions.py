@@ -25,9 +25,11 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 1000
 """A peer that has stopped is noticed after this long; every side announces its own."""
 RETRY_S = 0.1
+POLL_S = 0.01
 OPEN_TIMEOUT_S = 10.0
 
 Options = dict[str, Any]
+Endpoints = str | Sequence[str]
 
 
 def session_options(
@@ -75,6 +77,29 @@ def open_session(
                 f"there, or name the endpoint of its `ready` line with --connect"
             )
         time.sleep(RETRY_S)
+
+
+def user_session(connect: Endpoints, timeout_s: float) -> zenoh.Session:
+    """A session of a sensor or consumer.
+
+    Args:
+        connect: endpoint of the daemon or router; several: of all daemons of a group, each of which is told and heard
+            directly, so that nothing is missed when one of them goes.
+    Raises: ConnectionFailed where nobody answers in time.
+    """
+    endpoints = [connect] if isinstance(connect, str) else list(connect)
+    if len(endpoints) == 1:
+        return open_session(session_options("client", connect=endpoints), timeout_s=timeout_s)
+    session = open_session(session_options("peer", connect=endpoints), timeout_s=timeout_s)
+    deadline = time.monotonic() + timeout_s
+    while not (session.info.peers_zid() or session.info.routers_zid()):
+        if time.monotonic() > deadline:
+            session.close()
+            raise ConnectionFailed(
+                f"connect {', '.join(endpoints)}: nobody answered within {timeout_s:g} s; start a daemon there"
+            )
+        time.sleep(POLL_S)
+    return session
 
 
 def _config(options: Options) -> zenoh.Config:

@@ -15,11 +15,10 @@ import zenoh
 
 from fusiond.service import output_record
 from fusiond.service.publisher import CONNECT_S
-from fusiond.service.sessions import DEFAULT_ENDPOINT, open_session, session_options
+from fusiond.service.sessions import DEFAULT_ENDPOINT, Endpoints, user_session
 
 KEPT = 4096
 """Messages kept for iteration; the oldest give way."""
-RECORDS = (output_record.ESTIMATE_ENCODING, output_record.CONTROL_ENCODING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +50,13 @@ class TopicSubscriber:
     Args:
         name: the configuration's.
         topic: `estimate`, `control`, `health`, `event`, `report/SENSOR`, `local/SENSOR`.
-        connect: endpoint of the daemon or router.      session: an open session to share; it is left open.
+        connect: endpoint of the daemon or router, or those of all daemons of a group.
+        session: an open session to share; it is left open.
     Raises: ConnectionFailed where nobody answers in `CONNECT_S`.
     """
 
     def __init__(
-        self, name: str, topic: str, connect: str = DEFAULT_ENDPOINT, *, namespace: str | None = None,
+        self, name: str, topic: str, connect: Endpoints = DEFAULT_ENDPOINT, *, namespace: str | None = None,
         session: zenoh.Session | None = None,
     ) -> None:  # fmt: skip
         self.unreadable = 0
@@ -66,9 +66,7 @@ class TopicSubscriber:
         self._closed = False
         self._epoch = 0
         self._own = session is None
-        self.session = session or open_session(
-            session_options("client", connect=[connect]), timeout_s=CONNECT_S
-        )
+        self.session = session or user_session(connect, CONNECT_S)
         self._subscriber = self.session.declare_subscriber(
             f"{namespace or f'fusiond/{name}'}/{topic}", zenoh.handlers.Callback(self._take, indirect=False)
         )
@@ -116,7 +114,7 @@ class TopicSubscriber:
         arrival_ns = time.monotonic_ns()
         payload = sample.payload.to_bytes()
         try:
-            packed = str(sample.encoding) in RECORDS
+            packed = str(sample.encoding) in output_record.OUTPUT_ENCODINGS
             content = output_record.decode_output(payload) if packed else json.loads(payload)
             epoch = int(content["epoch"])
         except (ValueError, TypeError, KeyError, RecursionError):
@@ -135,12 +133,12 @@ class TopicSubscriber:
 class EstimateSubscriber(TopicSubscriber):
     """Follows `estimate`: `{t, t_ns, seq, epoch, resets, jump{}, state{}, std{}, health, unobserved[]}`."""
 
-    def __init__(self, name: str, connect: str = DEFAULT_ENDPOINT, **others: Any) -> None:
+    def __init__(self, name: str, connect: Endpoints = DEFAULT_ENDPOINT, **others: Any) -> None:
         super().__init__(name, "estimate", connect, **others)
 
 
 class ControlSubscriber(TopicSubscriber):
     """Follows `control`: `{t, t_ns, seq, epoch, u{}, valid, age_s, level}`."""
 
-    def __init__(self, name: str, connect: str = DEFAULT_ENDPOINT, **others: Any) -> None:
+    def __init__(self, name: str, connect: Endpoints = DEFAULT_ENDPOINT, **others: Any) -> None:
         super().__init__(name, "control", connect, **others)
