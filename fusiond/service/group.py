@@ -23,7 +23,7 @@ from fusiond.service.telemetry import Voice
 from fusiond.service.twin import Said, Twin, close, command_said, estimate_said
 
 PULSES = 10
-"""Signs of life in the time after which their absence counts."""
+"""Signs of life in the time that a lease lasts."""
 OUT_OF_STEP_NS = 1_000_000_000
 """How long a standby may differ before it asks for another checkpoint: late readings make it differ for a moment."""
 ASK_S = 2.0
@@ -58,7 +58,7 @@ class Group:
     ) -> None:  # fmt: skip
         self.in_step = False
         self.takeovers: list[dict[str, Any]] = []
-        self._session, self._prefix, self._limit_ns, self._wake = session, prefix, limit_ns, wake
+        self._session, self._prefix, self._wake = session, prefix, wake
         self._body, self._lease, self._outputs, self._handover = body, lease, outputs, handover
         self._voice = voice
         self._members = Members(session, prefix, lease, wake)
@@ -94,9 +94,9 @@ class Group:
             self._step_down()
         if self._lease.held:
             others = any(one.id != self._members.id for one in members)
-            self._lease.renew(now_ns + self._limit_ns if others else None)
+            self._lease.renew(now_ns + self._election.term_ns if others else None)
             if now_ns >= self._pulse_due_ns or move is Move.TAKE_OVER:
-                self._pulse_due_ns = now_ns + self._limit_ns // PULSES
+                self._pulse_due_ns = now_ns + self._election.term_ns // PULSES
                 self._members.pulse(self._me, self._outputs.numbers())
         else:
             self._follow(now_ns, signs)

@@ -23,7 +23,7 @@ from fusiond.errors import ConnectionFailed
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 1000
-"""A peer that has stopped is noticed after this long; every side announces its own."""
+"""A peer that has stopped is noticed after this long; every side announces its own. `election.SETTLE_NS` is as long."""
 RETRY_S = 0.1
 POLL_S = 0.01
 OPEN_TIMEOUT_S = 10.0
