@@ -60,6 +60,9 @@ def condition(sensor: Answer) -> str:
 
 def remarks(answer: Answer) -> Iterator[str]:
     """What there is to say beside the tables; nothing about what is as it should be."""
+    if answer.get("group"):
+        found = ", ".join(f"rank {one['rank']} {one['state']}" for one in answer["group"]["members"])
+        yield f"group: {found}; rank {answer['group']['rank']} answers"
     if answer["model"]["alarm"]:
         yield "model alarm: the model does not describe what is measured"
     if answer["resets"]:
