@@ -301,6 +301,13 @@ class ServiceSection(Section):
     """Machines that filter sensors beside them: for each its updating sensors. One file serves all of them."""
     node: Name | None = None
     """Which of `nodes` this is, with role = "node"."""
+    group: list[str] = []
+    """Endpoints of daemons that stand in for each other, in the order of their ranks: each listens on its own and
+    connects to the others'. One of them speaks, the others stand by in step; one file serves all of them."""
+    rank: Annotated[int, Field(ge=0)] | None = None
+    """Which of them this is, from 0; `fusiond run --rank` says it too. Without `group`: `listen` and `connect` hold."""
+    takeover_s: Positive = 1.0
+    """How long the daemon that speaks may give no sign of life until another takes over; a crash is seen at once."""
     listen: list[str] = ["tcp/127.0.0.1:7447"]
     """Endpoints where sensors and asking commands connect; port 0 picks a free one."""
     connect: list[str] = []

@@ -92,6 +92,10 @@ def run(
     listen: Listen = None,
     record: Annotated[Path | None, typer.Option(help="Record everything that is decided.")] = None,
     part: Part = None,
+    rank: Annotated[
+        int | None,
+        typer.Option(min=0, help="Which of the daemons that stand in for each other; 0 speaks first."),
+    ] = None,
 ) -> None:
     """Run the daemon until SIGTERM; prints `ready ENDPOINT...` when it takes readings."""
     from fusiond.cli.configuring import load
@@ -106,6 +110,7 @@ def run(
             record=record,
             on_ready=lambda endpoints: print("ready", *endpoints, flush=True),
             config_text=config.read_text(encoding="utf-8"),
+            rank=rank,
         )
     )
 

@@ -53,6 +53,9 @@ def remarks(answer: Answer) -> Iterator[str]:
     for name, sensor in answer["sensors"].items():
         if sensor["fault"] and sensor["heard"]:
             yield f"{name}: {fault_text(sensor['fault'])}"
+    if answer.get("group"):
+        found = ", ".join(f"rank {one['rank']} {one['state']}" for one in answer["group"]["members"])
+        yield f"group: {found}; rank {answer['group']['rank']} answers"
     if answer["model"]["alarm"]:
         yield "model alarm: the model does not describe what is measured"
     if answer["resets"]:

@@ -77,7 +77,10 @@ def event_text(event: Mapping[str, Any]) -> str:
         text += f"; {fault_text(event['fault'])}"
     if event.get("model"):
         text += "; the model does not describe what is measured"
-    if event.get("reset"):
+    if event.get("takeover"):
+        text += f"; the daemon of rank {event['takeover']['rank']} speaks from now on"
+        text += "; the estimate jumps" if event.get("reset") else ""
+    elif event.get("reset"):
         text += f"; state set to its initial value, {event['reset']['resets']} resets so far"
     return text
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -236,6 +236,26 @@ class Engine:
     def state_sha256(self) -> str:
         """Hash of the track record's bytes."""
         return hashlib.sha256(self.track.tobytes()).hexdigest()
+
+    def memory(self) -> dict[str, Records]:
+        """All that is remembered, live, by name; an overseer's engine's too. `remember` goes on from it."""
+        names = ("track", "desk", "work", "ring", "snapshots", "marks")
+        records = (self.track, self.desk, self._work, self._ring, self._snapshots, self._marks)
+        own = dict(zip(names, records, strict=True))
+        if self._overseer is None:
+            return own
+        return own | {f"overseer.{name}": one for name, one in self._overseer.engine.memory().items()}
+
+    def remember(self, memory: Mapping[str, Records]) -> None:
+        """Go on from what an engine of the same configuration remembered."""
+        self._allocate(len(memory["ring"]))
+        for name, records in self.memory().items():
+            if "." not in name:
+                records[:] = memory[name]
+        if self._overseer is not None:
+            start = "overseer."
+            theirs = {name.removeprefix(start): one for name, one in memory.items() if name.startswith(start)}
+            self._overseer.engine.remember(theirs)
 
     def _allocate(self, capacity: int) -> None:
         """Make an empty history for `capacity` readings, a multiple of SNAPSHOT_EVERY."""

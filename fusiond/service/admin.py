@@ -23,6 +23,7 @@ MOST_WAITING = 64
 ANSWER_S = 1.0
 """Longest wait for the loop; after it the asker is told that the loop is busy."""
 REMEMBERED_COMMANDS = 1024
+OCTETS = "application/octet-stream"
 
 
 class Refusal(Exception):
@@ -38,7 +39,7 @@ class Refusal(Exception):
 
 
 Answer = Callable[[Mapping[str, Any]], Any]
-"""From what was asked (parameters and the fields of the payload) to something JSON can say. Raises Refusal."""
+"""From what was asked (parameters, fields of the payload) to something JSON can say, or bytes. Raises Refusal."""
 
 
 @dataclass(slots=True)
@@ -56,12 +57,13 @@ class Admin:
     Args:
         session: answers.      prefix: the namespace.
         answers: by key under the prefix; those under `command/` are done once for each idempotency key (`id`).
-        wake: called after a question was handed over.
+        wake: called after a question was handed over.   open: whether it takes questions from the start.
     """
 
     def __init__(
-        self, session: zenoh.Session, prefix: str, answers: Mapping[str, Answer], wake: Callable[[], None]
-    ) -> None:
+        self, session: zenoh.Session, prefix: str, answers: Mapping[str, Answer], wake: Callable[[], None],
+        *, open: bool = True,
+    ) -> None:  # fmt: skip
         self._prefix = prefix
         self._answers = dict(answers)
         self._wake = wake
@@ -70,12 +72,25 @@ class Admin:
         self._done: dict[str, Any] = {}
         self._thread = threading.Thread(target=self._work, name="admin", daemon=True)
         self._thread.start()
-        keys = sorted({what if "/" not in what else what.partition("/")[0] + "/*" for what in answers})
+        self._keys = sorted({what if "/" not in what else what.partition("/")[0] + "/*" for what in answers})
+        self._session = session
+        self._queryables: list[zenoh.Queryable[Any]] = []
+        if open:
+            self.open()
+
+    def open(self) -> None:
+        """Take questions from now on."""
         # A direct callback only appends to a queue; a channel that fills up would stop its link.
         handler = zenoh.handlers.Callback(self._take, indirect=False)
-        self._queryables = [
-            session.declare_queryable(f"{prefix}/{key}", handler, complete=True) for key in keys
+        self._queryables += [
+            self._session.declare_queryable(f"{self._prefix}/{key}", handler, complete=True)
+            for key in self._keys
         ]
+
+    def withdraw(self) -> None:
+        """Take no more questions."""
+        while self._queryables:
+            self._queryables.pop().undeclare()
 
     def answer_pending(self, most: int = 4) -> None:
         """Answer what waits, at most so many; called by the loop."""
@@ -118,7 +133,7 @@ class Admin:
             question = Question(what, asked_of(query))
             self._questions.put(question)
             self._wake()
-            text = dumps(question.answer.result(ANSWER_S))
+            answer = question.answer.result(ANSWER_S)
         except Refusal as refusal:
             refuse(query, refusal.code, str(refusal))
         except TooSlow:
@@ -127,7 +142,9 @@ class Admin:
         except Exception as error:
             refuse(query, "failed", f"{type(error).__name__}: {error}")
         else:
-            query.reply(f"{self._prefix}/{what}", text, encoding="application/json")
+            packed = isinstance(answer, bytes)
+            payload, encoding = (answer, OCTETS) if packed else (dumps(answer), "application/json")
+            query.reply(f"{self._prefix}/{what}", payload, encoding=encoding)
 
     def _what(self, key: str) -> str:
         """What a query's key asks for; a wildcard asks for the one question it can mean."""

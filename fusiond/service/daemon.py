@@ -20,8 +20,11 @@ from fusiond.service.command_output import CommandOutput, fallback_of
 from fusiond.service.command_watch import CommandWatch
 from fusiond.service.cost_watch import CostWatch
 from fusiond.service.counters import Counters
+from fusiond.service.group import Group
+from fusiond.service.handover import Handover
 from fusiond.service.health_watch import HealthWatch, Transition
 from fusiond.service.intake import Intake
+from fusiond.service.lease import Lease
 from fusiond.service.local_outputs import LocalOutputs
 from fusiond.service.mailbox import Arrival, Mailbox
 from fusiond.service.node_watch import NodeWatch
@@ -72,15 +75,16 @@ class Daemon:
         assembly: gives `config`, `layout` and a fresh `engine()`.
         listen, connect: endpoints instead of the configuration's; empty: as configured.
         known_noise: what an earlier run learnt of the sensors' noise.
+        rank: in a group of daemons, instead of the configuration's.
     """
 
     def __init__(
         self, assembly: Any, *, listen: Sequence[str] = (), connect: Sequence[str] = (),
         recorder: Recorder | None = None, voice: Voice, clock: Clock | None = None, notifier: Notifier | None = None,
-        known_noise: Learnt | None = None,
+        known_noise: Learnt | None = None, rank: int | None = None,
     ) -> None:  # fmt: skip
         self.assembly = assembly
-        self.settings: Settings = settings_of(assembly.config, assembly.layout, listen, connect)
+        self.settings: Settings = settings_of(assembly.config, assembly.layout, listen, connect, rank)
         self.clock = clock or Clock()
         self.voice = voice
         self._recorder = recorder
@@ -92,6 +96,7 @@ class Daemon:
         self._bell: SimpleQueue[None] = SimpleQueue()
         self.mailbox = Mailbox(self.settings.ring, self._work)
         self._opened: Sessions | None = None
+        self._group: Group | None = None
         self._command_watch: CommandWatch | None = None
         self._threads_end: list[Callable[[float], bool]] = []
 
@@ -119,7 +124,8 @@ class Daemon:
         self._resets: NDArray[np.int64] = self.engine.track["resets"]
         self.preparing = False
         self.started_ns = self.clock.now_ns()
-        self.epoch = self.started_ns // 1_000_000
+        alone = settings.rank is None
+        self.lease = Lease(self.started_ns // 1_000_000, held=alone, clock=self.clock)
         self._complained: dict[str, int] = {}
         self._decoder, self._counters, self._watch = Decoder(layout), Counters(layout), HealthWatch(layout)
         self._nodes, self._ring = NodeWatch(layout, settings.nodes), ReportRing(layout)
@@ -166,8 +172,11 @@ class Daemon:
         with suppress(Empty):
             self._bell.get(timeout=max(0, due_ns - now_ns) / 1e9)
         with self.mailbox.baton:
-            self._admin.answer_pending()
+            for admin in self._admins:
+                admin.answer_pending()
             now_ns = self.clock.now_ns()
+            if self._group is not None:
+                self._group.look(now_ns)
             if now_ns >= self._tick_due_ns and not len(self.mailbox):
                 self._let_time_pass(now_ns)
             if now_ns >= self._housekeeping_due_ns:
@@ -180,37 +189,80 @@ class Daemon:
         settings, layout = self.settings, self.assembly.layout
         self._cost = CostWatch(self.assembly, self.engine)
         self._commands = CommandOutput(
-            self.sessions.control, layout, settings.prefix, epoch=self.epoch, packed=settings.packed,
+            self.sessions.control, layout, settings.prefix, lease=self.lease, packed=settings.packed,
             fallback=fallback_of(self.assembly.design[0]), say=self._say if self._recorder else None,
-            costs=self._cost.told,
+            costs=self._cost.told, heed=self._heed,
         )  # fmt: skip
         self._outputs = Outputs(
-            self.sessions.control, layout, settings.prefix, epoch=self.epoch, publish_hz=settings.publish_hz,
+            self.sessions.control, layout, settings.prefix, lease=self.lease, publish_hz=settings.publish_hz,
             record_hz=settings.record_hz, packed=settings.packed, derived=self.engine.outputs,
-            commands=self._commands, say=self._say if self._recorder else None,
+            commands=self._commands, say=self._say if self._recorder else None, heed=self._heed,
         )  # fmt: skip
         self._locals = LocalOutputs(
-            self.sessions.control, self.engine, settings.prefix, epoch=self.epoch, publish_hz=settings.publish_hz,
+            self.sessions.control, self.engine, settings.prefix, lease=self.lease, publish_hz=settings.publish_hz,
         )  # fmt: skip
-        self._tracklets = TrackletOutputs(self.sessions.control, self.assembly, settings.sends, self.epoch)
-        answers = {
-            "status": self._status, "why": self._why, "config": self._config, "command/reset": self._reset,
-        }  # fmt: skip
-        self._admin = Admin(self.sessions.admin, settings.prefix, answers, self._wake)
-        self._threads_end.append(self._admin.close)
+        self._tracklets = TrackletOutputs(self.sessions.control, self.assembly, settings.sends, self.lease)
+        self._handover = Handover(self.assembly, self.engine, self._outputs, self._watch)
+        self._open_answers()
         with self.mailbox.baton:  # nobody works before all is there
             self._intake = Intake(
                 self.sessions.sensors, layout, settings.prefix, settings.keys, settings.ring, self.mailbox,
                 self.clock,
             )  # fmt: skip
         self._threads_end.append(self._intake.join)
-        self._token: zenoh.LivelinessToken = self.sessions.control.liveliness().declare_token(
-            f"{settings.prefix}/alive/fusion/{self.sessions.control.zid()}"
-        )
+        self._show_alive()
         if settings.deadline_s is not None:
             self._command_watch = CommandWatch(self._commands, round(settings.deadline_s * 1e9), self.clock)
             self._command_watch.start()
         self._notifier.ready()
+
+    def _open_answers(self) -> None:
+        """Answer questions; those to the active daemon of a group only while that is this one."""
+        settings = self.settings
+        answers = {
+            "status": self._status, "why": self._why, "config": self._config, "command/reset": self._reset,
+            "checkpoint": lambda _: self._handover.give(),
+        }  # fmt: skip
+        alone, session = settings.rank is None, self.sessions.admin
+        self._admins = [Admin(session, settings.prefix, answers, self._wake, open=alone)]
+        if not alone:
+            own = f"{settings.prefix}/member/{settings.rank}"
+            asked = {what: answers[what] for what in ("status", "why", "config")}
+            self._admins.append(Admin(session, own, asked, self._wake))
+        self._threads_end += [admin.close for admin in self._admins]
+
+    def _show_alive(self) -> None:
+        """Show that readings are taken: as a daemon alone, or as one of a group."""
+        settings, session = self.settings, self.sessions.control
+        if settings.rank is None:
+            key = f"{settings.prefix}/alive/fusion/{session.zid()}"
+            self._token: zenoh.LivelinessToken = session.liveliness().declare_token(key)
+            return
+        with self.mailbox.baton:
+            self._group = Group(
+                session, settings.prefix, settings.rank, settings.takeover_ns, body=self, lease=self.lease,
+                outputs=self._outputs, handover=self._handover, voice=self.voice, wake=self._wake,
+            )  # fmt: skip
+
+    def answer(self, *, active: bool) -> None:
+        """Begin or cease to answer questions to the active daemon."""
+        if active:
+            self._admins[0].open()
+        else:
+            self._admins[0].withdraw()
+
+    def drain(self) -> None:
+        """Work off what waits; called with the baton."""
+        self.mailbox.drain()
+
+    def process_late(self, readings: NDArray[Any]) -> None:
+        """Take readings that were collected; called with the baton."""
+        self._counters.note(readings, self._process(readings))
+
+    def _heed(self, topic: str, content: Mapping[str, Any]) -> None:
+        """What is said, or would be said by a standby."""
+        if self._group is not None:
+            self._group.said(topic, content)
 
     def _work(self, arrivals: list[Arrival]) -> None:
         """Take arrivals, in order; called with the baton, by whichever reader brought the last of them."""
@@ -219,6 +271,8 @@ class Daemon:
         try:
             readings = take(arrivals, self._intake.sensor_of, self._decoder)
             if len(readings):
+                if self._group is not None:
+                    self._group.note(readings)
                 reports = self._process(readings)
                 self._counters.note(readings, reports)
         except Exception as error:
@@ -266,7 +320,8 @@ class Daemon:
     def _keep_house(self, now_ns: int) -> None:
         """Once a second, and after every change of health."""
         self._housekeeping_due_ns = now_ns + HOUSEKEEPING_NS
-        self._outputs.health(int(self.engine.desk["newest_t_ns"][0]), self._watch)
+        if self.lease.held:
+            self._outputs.health(int(self.engine.desk["newest_t_ns"][0]), self._watch)
         self._outputs.look_who_asks()
         self._cost.observe(self._watch.sensors)
         self._locals.look_who_asks()
@@ -315,12 +370,13 @@ class Daemon:
 
     def _say(self, topic: str, payload: bytes, t_ns: int) -> None:
         assert self._recorder is not None
-        self._recorder.put_message(topic, payload, t_ns, self.clock.now_ns())
+        if self.lease.valid:
+            self._recorder.put_message(topic, payload, t_ns, self.clock.now_ns())
 
     def _status(self, _: Mapping[str, Any]) -> dict[str, Any]:
         return status(
             config=self.assembly.config, mode=self.settings.mode, endpoints=self.sessions.endpoints,
-            epoch=self.epoch, uptime_s=(self.clock.now_ns() - self.started_ns) / 1e9,
+            epoch=self.lease.epoch, uptime_s=(self.clock.now_ns() - self.started_ns) / 1e9,
             resets=self._resets.item(), counters=self._counters,
             decoder=self._decoder, watch=self._watch, mailbox=self.mailbox, latest=self._outputs.latest,
             parity=self._locals.status(), repairs=self.engine.repairs, guard=self.engine.guard(),
@@ -338,6 +394,7 @@ class Daemon:
             "role": self.settings.role,
             "nodes": self._nodes.status(),
             "withheld": self._tracklets.withheld,
+            "group": None if self._group is None else self._group.status(),
         }
 
     def _why(self, asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -47,6 +48,16 @@ class HealthWatch:
         fields: Any = layout.report.fields
         spans = [(fields[first][1], end_of(fields[last])) for first, last in SPANS]
         self._health, self._fault = (slice(*span) for span in spans)
+        self._seen = (b"", b"")
+
+    def known(self) -> dict[str, Any]:
+        """What is known, for another daemon."""
+        return {"sensors": self.sensors, "service": self.service, "faults": self.faults, "model": self.model}
+
+    def know(self, known: Mapping[str, Any]) -> None:
+        """Take over what another daemon knew."""
+        self.sensors, self.service = list(known["sensors"]), int(known["service"])
+        self.faults, self.model = list(known["faults"]), bool(known["model"])
         self._seen = (b"", b"")
 
     def observe(self, reports: NDArray[Any]) -> list[Transition]:

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from fusiond.engine.engine import Engine
 from fusiond.engine.parity import Local, local_estimate, shared_slots
+from fusiond.service.lease import Lease
 from fusiond.service.limiter import RateLimiter
 from fusiond.service.messages import Message, dumps, head
-from fusiond.service.outlet import JSON, declare, is_heard
+from fusiond.service.outlet import JSON, declare
 from fusiond.types import Verdict
 
 USED = int(Verdict.USED)
@@ -31,15 +32,15 @@ class LocalOutputs:
     """The local filters of one daemon; without any, it does nothing.
 
     Args:
-        session: gives the results out.      prefix: the namespace.      epoch: as in every message.
+        session: gives the results out.      prefix: the namespace.      lease: says whether anything goes out.
         publish_hz: highest rate of each `local/SENSOR`, in data time.
     """
 
     def __init__(
-        self, session: zenoh.Session, engine: Engine, prefix: str, *, epoch: int, publish_hz: float
+        self, session: zenoh.Session, engine: Engine, prefix: str, *, lease: Lease, publish_hz: float
     ) -> None:
         layout = engine.layout
-        self._engine, self._epoch = engine, epoch
+        self._engine, self._lease = engine, lease
         self._states = [slot.name for slot in layout.states]
         self._errors = [slot.name for slot in layout.errors]
         self._shared = [self._errors[k] for _, k in shared_slots(engine)]
@@ -47,7 +48,7 @@ class LocalOutputs:
         self._rows = {layout.numbers[name]: row for name, row in rows.items()}
         self._names = {layout.numbers[name]: name for name in rows}
         self._publishers = {
-            number: declare(session, f"{prefix}/local/{name}", JSON, zenoh.Priority.DATA_LOW)
+            number: declare(session, f"{prefix}/local/{name}", JSON, zenoh.Priority.DATA_LOW, lease)
             for number, name in self._names.items()
         }
         self._limits = {number: RateLimiter(publish_hz) for number in self._rows}
@@ -69,7 +70,7 @@ class LocalOutputs:
 
     def look_who_asks(self) -> None:
         """Find out whose local filter somebody listens to; called now and then, since asking Zenoh takes time."""
-        self._asked = {number for number, publisher in self._publishers.items() if is_heard(publisher)}
+        self._asked = {number for number, publisher in self._publishers.items() if publisher.is_heard}
 
     def status(self) -> dict[str, Message]:
         """The last parity of every sensor that bears a filter, by name."""
@@ -89,7 +90,7 @@ class LocalOutputs:
             self._publishers[number].put(dumps(message))
 
     def _message(self, local: Local, seq: int) -> Message:
-        message = head(local.t_ns, seq, self._epoch) | {
+        message = head(local.t_ns, seq, self._lease.epoch) | {
             "state": {}, "std": {}, "parity": {}, "parity_std": {}, "bounded": []
         }  # fmt: skip
         if not np.isfinite(local.x.sum() + local.std.sum()):

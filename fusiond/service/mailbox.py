@@ -64,6 +64,11 @@ class Mailbox:
             finally:
                 self.baton.release()
 
+    def drain(self) -> None:
+        """Work while something waits; called with the baton."""
+        while self._queue:
+            self._work(self._take())
+
     def _take(self) -> list[Arrival]:
         """What waits, at most `most`. Only the holder of the baton takes; a full queue drops one only for another."""
         queue = self._queue

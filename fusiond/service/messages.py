@@ -1,7 +1,8 @@
 """The messages that go out, as JSON: `estimate`, `control`, `health`, `event`, `report/SENSOR`.
 
-Every one carries `seq` (of its own kind, from 1) and `epoch` (start of this process's engine, ms since 1970): the
-pair only ever grows, so a gap is a loss and an older epoch is a ghost. `t` is in seconds, `t_ns` is the same exactly.
+Every one carries `seq` (of its own kind, from 1) and `epoch` (since when this daemon speaks, ms since 1970): the
+pair only ever grows, so a gap is a loss and an older epoch is a ghost. A standby that takes over goes on counting.
+`t` is in seconds, `t_ns` is the same exactly.
 A number that is not finite never goes out: where the state is none, `state` and `std` are empty and the health is
 `invalid`; elsewhere it is null.
 """
@@ -134,6 +135,20 @@ def reset_event(
     """The state was set to its initial value; the service's health beside it is that after the reset."""
     label = SERVICE_LABELS[service]
     return event_message(t_ns, seq, epoch, None, label, label) | {"reset": {"resets": resets, "jump": jump}}
+
+
+def takeover_event(
+    t_ns: int, seq: int, epoch: int, service: int, about: Mapping[str, Any], resets: int,
+    jump: Mapping[str, float],
+) -> Message:  # fmt: skip
+    """Another daemon speaks from now on; `reset` as with any other where the estimate jumps with it.
+
+    Args:
+        service: its health, which a take-over does not change.   about: rank, cause, from whom.
+    """
+    label = SERVICE_LABELS[service]
+    reset = {"reset": {"resets": resets, "jump": dict(jump)}} if jump else {}
+    return event_message(t_ns, seq, epoch, None, label, label) | {"takeover": dict(about)} | reset
 
 
 def report_message(report: Any, layout: Layout, seq: int, epoch: int) -> Message:

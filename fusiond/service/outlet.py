@@ -6,17 +6,34 @@ from typing import Any
 
 import zenoh
 
+from fusiond.service.lease import Lease
+
 JSON = "application/json"
 
 
-def declare(session: zenoh.Session, key: str, encoding: str, priority: zenoh.Priority) -> zenoh.Publisher:
+class Outlet:
+    """One publisher, silent while its daemon may not speak."""
+
+    def __init__(self, publisher: zenoh.Publisher, lease: Lease) -> None:
+        self._publisher, self._lease = publisher, lease
+
+    def put(self, payload: bytes, **others: Any) -> None:
+        """Send, if this daemon may speak."""
+        if self._lease.valid:
+            self._publisher.put(payload, **others)
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether this daemon may speak and anybody listens."""
+        status: Any = self._publisher.matching_status  # the stub of 1.10 calls it a bool
+        return self._lease.valid and bool(status.matching)
+
+
+def declare(
+    session: zenoh.Session, key: str, encoding: str, priority: zenoh.Priority, lease: Lease
+) -> Outlet:
     """A publisher; one priority for each key, since Zenoh reorders across priorities."""
-    return session.declare_publisher(
+    publisher = session.declare_publisher(
         key, encoding=encoding, priority=priority, congestion_control=zenoh.CongestionControl.DROP
     )
-
-
-def is_heard(publisher: zenoh.Publisher) -> bool:
-    """Whether anybody listens to a publisher now."""
-    status: Any = publisher.matching_status  # the stub of 1.10 calls it a bool
-    return bool(status.matching)
+    return Outlet(publisher, lease)

@@ -21,6 +21,7 @@ from fusiond.types import ServiceHealth
 
 ESTIMATE_ENCODING = "application/octet-stream;fusiond.estimate.v2"
 CONTROL_ENCODING = "application/octet-stream;fusiond.control.v1"
+OUTPUT_ENCODINGS = (ESTIMATE_ENCODING, CONTROL_ENCODING)
 HEADER = Struct("<4sBBHQQqQ")
 CRC = Struct("<I")
 VERSIONS = {b"FUSE": 2, b"FUSC": 1}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fusiond.engine.layout import Layout
 from fusiond.engine.records import HAS_ARRIVAL, HAS_R, HAS_SEQ
 from fusiond.service.publisher import SensorPublisher, settle
-from fusiond.service.sessions import CONNECT_S, DEFAULT_ENDPOINT, join
+from fusiond.service.sessions import CONNECT_S, DEFAULT_ENDPOINT, Endpoints, join
 from fusiond.types import Role
 
 RESERVED = (Role.REFERENCE, Role.APPLIED)
@@ -23,7 +23,7 @@ class Player:
 
     Args:
         name: the configuration's.      layout: names the sensors of the arrays.
-        connect: endpoint of the daemon or router.
+        connect: endpoint of the daemon or router, or those of all daemons of a group.
         speed: 1 is real time, 2 twice as fast; infinite: as fast as `most_hz` allows.
         most_hz: highest rate of puts, whatever the speed: what a daemon can take without loss depends on it.
         encoding: of the readings; their own covariances that are not diagonal go as JSON in any case.
@@ -32,7 +32,7 @@ class Player:
     """
 
     def __init__(
-        self, name: str, layout: Layout, connect: str = DEFAULT_ENDPOINT, *, namespace: str | None = None,
+        self, name: str, layout: Layout, connect: Endpoints = DEFAULT_ENDPOINT, *, namespace: str | None = None,
         speed: float = 1.0, most_hz: float = 5000.0, encoding: Literal["json", "record"] = "record",
         keys: dict[str, str] | None = None,
     ) -> None:  # fmt: skip

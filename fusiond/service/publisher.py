@@ -14,7 +14,7 @@ import zenoh
 from fusiond.errors import ConnectionFailed
 from fusiond.service import reading_json, reading_record
 from fusiond.service.endpoints import checked_key
-from fusiond.service.sessions import CONNECT_S, DEFAULT_ENDPOINT, join
+from fusiond.service.sessions import CONNECT_S, DEFAULT_ENDPOINT, Endpoints, join
 
 Covariance = Sequence[float] | Sequence[Sequence[float]]
 ENCODINGS = ("json", "record")
@@ -34,7 +34,7 @@ class SensorPublisher:
 
     Args:
         name: the configuration's.      sensor: the sensor's name in it, also `reference` or `applied`.
-        connect: endpoint of the daemon or router.
+        connect: endpoint of the daemon or router, or those of all daemons of a group.
         encoding: `json` for people, `record` for speed (packed, with a checksum).
         pack: readings sent in one put; more than one trades delay for throughput (`flush` sends what waits).
         key: key expression, where the configuration gives the sensor its own.
@@ -45,7 +45,7 @@ class SensorPublisher:
     """
 
     def __init__(
-        self, name: str, sensor: str, connect: str = DEFAULT_ENDPOINT, *, namespace: str | None = None,
+        self, name: str, sensor: str, connect: Endpoints = DEFAULT_ENDPOINT, *, namespace: str | None = None,
         encoding: Literal["json", "record"] = "json", pack: int = 1, key: str | None = None, lossless: bool = False,
         session: zenoh.Session | None = None,
     ) -> None:  # fmt: skip

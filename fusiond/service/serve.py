@@ -22,13 +22,14 @@ RECORD_S = 0.6
 
 def serve(
     assembly: Any, *, listen: Sequence[str] = (), connect: Sequence[str] = (), record: Path | None = None,
-    on_ready: Callable[[tuple[str, ...]], None], config_text: str = "",
+    on_ready: Callable[[tuple[str, ...]], None], config_text: str = "", rank: int | None = None,
 ) -> int:  # fmt: skip
     """Run until SIGTERM or SIGINT.
 
     Args:
         assembly: what to run.      listen, connect: endpoints instead of the configuration's.
         record: file of the daemon's own recording.      config_text: the configuration as TOML, kept in it.
+        rank: in a group of daemons, instead of the configuration's.
         on_ready: told the endpoints once readings are taken.
     Returns: the exit status: 0, or 1 where the recording is not complete.
     Raises: ConnectionFailed, LogError.
@@ -45,7 +46,7 @@ def serve(
     if record is not None:
         recorder = BackgroundWriter(McapWriter(record, assembly.layout, config_text, known_noise=known))
     daemon = Daemon(
-        assembly, listen=listen, connect=connect, recorder=recorder, voice=voice, known_noise=known
+        assembly, listen=listen, connect=connect, recorder=recorder, voice=voice, known_noise=known, rank=rank
     )
     whole = True
     with stopping_on_signals(daemon.stop, lambda: daemon.preparing):

@@ -24,13 +24,15 @@ from fusiond.service.endpoints import checked_endpoint
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 1000
-"""A peer that has stopped is noticed after this long; every side announces its own."""
+"""A peer that has stopped is noticed after this long; every side announces its own. `election.SETTLE_NS` is as long."""
 RETRY_S = 0.1
+POLL_S = 0.01
 OPEN_TIMEOUT_S = 10.0
 CONNECT_S = 5.0
 """The same for who asks or publishes."""
 
 Options = dict[str, Any]
+Endpoints = str | Sequence[str]
 
 
 def session_options(
@@ -82,13 +84,28 @@ def open_session(
         time.sleep(RETRY_S)
 
 
-def join(connect: str, *, timeout_s: float = CONNECT_S) -> zenoh.Session:
-    """A client's session with the daemon or router at an endpoint.
+def join(connect: Endpoints, *, timeout_s: float = CONNECT_S) -> zenoh.Session:
+    """A session of a sensor or consumer.
 
-    Raises: ConfigError where it is no endpoint; ConnectionFailed where nobody answers in time.
+    Args:
+        connect: endpoint of the daemon or router; several: of all daemons of a group, each of which is told and heard
+            directly, so that nothing is missed when one of them goes.
+    Raises: ConfigError where one is no endpoint; ConnectionFailed where nobody answers in time.
     """
-    options = session_options("client", connect=[checked_endpoint(connect, "connect")])
-    return open_session(options, timeout_s=timeout_s)
+    given = [connect] if isinstance(connect, str) else list(connect)
+    endpoints = [checked_endpoint(endpoint, "connect") for endpoint in given]
+    if len(endpoints) == 1:
+        return open_session(session_options("client", connect=endpoints), timeout_s=timeout_s)
+    session = open_session(session_options("peer", connect=endpoints), timeout_s=timeout_s)
+    deadline = time.monotonic() + timeout_s
+    while not (session.info.peers_zid() or session.info.routers_zid()):
+        if time.monotonic() > deadline:
+            session.close()
+            raise ConnectionFailed(
+                f"connect {', '.join(endpoints)}: nobody answered within {timeout_s:g} s; start a daemon there"
+            )
+        time.sleep(POLL_S)
+    return session
 
 
 def _config(options: Options) -> zenoh.Config:

@@ -15,11 +15,10 @@ import zenoh
 
 from fusiond.service import output_record
 from fusiond.service.endpoints import checked_key
-from fusiond.service.sessions import DEFAULT_ENDPOINT, join
+from fusiond.service.sessions import DEFAULT_ENDPOINT, Endpoints, join
 
 KEPT = 4096
 """Messages kept for iteration; the oldest give way."""
-RECORDS = (output_record.ESTIMATE_ENCODING, output_record.CONTROL_ENCODING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +50,13 @@ class TopicSubscriber:
     Args:
         name: the configuration's.
         topic: `estimate`, `control`, `health`, `event`, `report/SENSOR`, `local/SENSOR`.
-        connect: endpoint of the daemon or router.      session: an open session to share; it is left open.
+        connect: endpoint of the daemon or router, or those of all daemons of a group.
+        session: an open session to share; it is left open.
     Raises: ConfigError where `connect` is no endpoint or the key none; ConnectionFailed where nobody answers in time.
     """
 
     def __init__(
-        self, name: str, topic: str, connect: str = DEFAULT_ENDPOINT, *, namespace: str | None = None,
+        self, name: str, topic: str, connect: Endpoints = DEFAULT_ENDPOINT, *, namespace: str | None = None,
         session: zenoh.Session | None = None,
     ) -> None:  # fmt: skip
         self.unreadable = 0
@@ -115,7 +115,7 @@ class TopicSubscriber:
         arrival_ns = time.monotonic_ns()
         payload = sample.payload.to_bytes()
         try:
-            packed = str(sample.encoding) in RECORDS
+            packed = str(sample.encoding) in output_record.OUTPUT_ENCODINGS
             content = output_record.decode_output(payload) if packed else json.loads(payload)
             epoch = int(content["epoch"])
         except (ValueError, TypeError, KeyError, RecursionError):
@@ -134,12 +134,12 @@ class TopicSubscriber:
 class EstimateSubscriber(TopicSubscriber):
     """Follows `estimate`: `{t, t_ns, seq, epoch, resets, jump{}, state{}, std{}, health, unobserved[]}`."""
 
-    def __init__(self, name: str, connect: str = DEFAULT_ENDPOINT, **others: Any) -> None:
+    def __init__(self, name: str, connect: Endpoints = DEFAULT_ENDPOINT, **others: Any) -> None:
         super().__init__(name, "estimate", connect, **others)
 
 
 class ControlSubscriber(TopicSubscriber):
     """Follows `control`: `{t, t_ns, seq, epoch, u{}, valid, age_s, level}`."""
 
-    def __init__(self, name: str, connect: str = DEFAULT_ENDPOINT, **others: Any) -> None:
+    def __init__(self, name: str, connect: Endpoints = DEFAULT_ENDPOINT, **others: Any) -> None:
         super().__init__(name, "control", connect, **others)

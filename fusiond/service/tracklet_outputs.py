@@ -10,8 +10,9 @@ from typing import Any
 import zenoh
 from numpy.typing import NDArray
 
+from fusiond.service.lease import Lease
 from fusiond.service.outlet import declare
-from fusiond.service.output_record import ESTIMATE_ENCODING, decode_output
+from fusiond.service.output_record import OUTPUT_ENCODINGS, decode_output
 from fusiond.service.reading_record import ENCODING
 from fusiond.service.roles import outer_prefix
 from fusiond.service.tracklets import Tracklets
@@ -26,14 +27,15 @@ class TrackletOutputs:
         sends: key of each sensor's tracklets, by name; empty: this is no node, and nothing is sent.
     """
 
-    def __init__(self, session: zenoh.Session, assembly: Any, sends: Mapping[str, str], epoch: int) -> None:
+    def __init__(self, session: zenoh.Session, assembly: Any, sends: Mapping[str, str], lease: Lease) -> None:
         layout = assembly.layout
         self._names = {layout.numbers[name]: name for name in sends}
         self._publishers = {
-            layout.numbers[name]: declare(session, key, ENCODING, zenoh.Priority.DATA_HIGH)
+            layout.numbers[name]: declare(session, key, ENCODING, zenoh.Priority.DATA_HIGH, lease)
             for name, key in sends.items()
         }
-        self._tracklets = Tracklets(assembly.resolved, layout, epoch) if sends else None
+        self._lease, self._epoch = lease, lease.epoch
+        self._tracklets = Tracklets(assembly.resolved, layout, lease.epoch) if sends else None
         self._heard: list[tuple[Any, Take]] = []
         if self._tracklets is not None and self._tracklets.bent:
             outer, view = outer_prefix(assembly.config), self._tracklets.center
@@ -52,6 +54,9 @@ class TrackletOutputs:
         """Send what these readings taught."""
         if self._tracklets is None:
             return
+        if self._epoch != self._lease.epoch:
+            self._epoch = self._lease.epoch
+            self._tracklets.begin(self._epoch)
         for subscriber, take in self._heard:
             sample = subscriber.try_recv()
             if sample is not None:
@@ -63,9 +68,9 @@ class TrackletOutputs:
 
 
 def content_of(sample: zenoh.Sample) -> Mapping[str, Any]:
-    """A message of the center. Raises: ValueError, RecursionError where it is none."""
+    """A message of a daemon. Raises: ValueError, RecursionError where it is none."""
     payload = sample.payload.to_bytes()
-    if str(sample.encoding) == ESTIMATE_ENCODING:
+    if str(sample.encoding) in OUTPUT_ENCODINGS:
         return decode_output(payload)
     found: Mapping[str, Any] = json.loads(payload)
     return found

@@ -49,8 +49,12 @@ class Tracklets:
         self.center = CenterView(names, angles, nanoseconds(resolved.config.health.invalid_s))
         self.bent = frozenset(k for k, one in self._models.items() if bends(resolved, one))
         self.withheld = dict.fromkeys(self._models, 0)
-        self._seq = dict.fromkeys(self._models, epoch << EPOCH_BITS)
+        self.begin(epoch)
         self._last: dict[int, list[float]] = {}
+
+    def begin(self, epoch: int) -> None:
+        """Number anew, in a later epoch."""
+        self._seq = dict.fromkeys(self._models, epoch << EPOCH_BITS)
 
     def puts(self, readings: NDArray[Any], reports: NDArray[Any]) -> list[Put]:
         """One put for the used readings of each sensor in a batch; one more for each with a full R of its own."""

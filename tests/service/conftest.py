@@ -58,7 +58,7 @@ from fusiond.service.serve import serve
 from fusiond.service.telemetry import set_up
 set_up(as_json=True)
 config, record, *rest = sys.argv[1:]
-listen = [one for one in rest if not one.startswith("connect=")]
+listen = [one for one in rest if one.startswith("tcp/")]
 connect = [one.removeprefix("connect=") for one in rest if one.startswith("connect=")]
 sys.exit(serve(load(Path(config)), listen=listen, connect=connect, record=Path(record) if record else None,
                on_ready=lambda endpoints: print("ready", *endpoints, flush=True)))
@@ -108,11 +108,16 @@ def assembly(tmp_path_factory: pytest.TempPathFactory) -> Assembly:
 
 @pytest.fixture
 def start(config: Path) -> Iterator[Start]:
-    """Start daemons: `start()`, `start(record=PATH)`, `start(extra="[service]...")`, `start(arguments=[...])`."""
+    """Start daemons: `start()`, `start(record=PATH)`, `start(extra="...")`, `start(arguments=[...])`, `start(text="")`.
+
+    Without arguments they listen on a free port; `configured` leaves it to the configuration.
+    """
     with ExitStack() as stack:
 
-        def run(record: Path | None = None, extra: str = "", arguments: tuple[str, ...] = ()) -> Running:
-            config.write_text(CONFIG + extra, encoding="utf-8")
+        def run(
+            record: Path | None = None, extra: str = "", arguments: tuple[str, ...] = (), text: str = CONFIG
+        ) -> Running:
+            config.write_text(text + extra, encoding="utf-8")
             chosen = arguments or ("tcp/127.0.0.1:0",)
             command = [sys.executable, "-c", RUN, str(config), str(record or ""), *chosen]
             process = stack.enter_context(

@@ -10,6 +10,7 @@ import pytest
 from fusiond.control.levels import Safe
 from fusiond.service.command_output import CommandOutput, Fallback
 from fusiond.service.command_watch import CommandWatch
+from fusiond.service.lease import Lease
 from fusiond.types import Slot
 
 MS = 1_000_000
@@ -43,7 +44,7 @@ def wire():
 
 def watched(wire, mode=Safe.ZERO, values=(0.25,), ramp_ns=100 * MS):
     output = CommandOutput(
-        wire, LAYOUT, "x", epoch=5, packed=False, fallback=Fallback(int(mode), values, ramp_ns)
+        wire, LAYOUT, "x", lease=Lease(5), packed=False, fallback=Fallback(int(mode), values, ramp_ns)
     )
     return output, CommandWatch(output, 50 * MS, Stopped())
 

@@ -26,6 +26,7 @@ from fusiond.recording.log import open_log
 from fusiond.recording.replay import replay
 from fusiond.service import output_record, reading_record, roles
 from fusiond.service.client import SensorPublisher, ask
+from fusiond.service.lease import Lease
 from fusiond.service.sessions import open_session, session_options
 from fusiond.service.settings import settings_of
 from fusiond.service.state_path import StatePath
@@ -287,7 +288,7 @@ def test_a_node_hears_the_center_over_the_wire(packed):
         keys = settings_of(node.config, node.layout, (), ()).sends
         assert keys == {"gps": "fusiond/plane/sensor/gps"}
         center = session.declare_subscriber(keys["gps"], zenoh.handlers.RingChannel(8))
-        outputs = TrackletOutputs(session, node, keys, 1)
+        outputs = TrackletOutputs(session, node, keys, Lease(1))
         outputs.publish(reading, report)
         assert outputs.withheld == {"gps": 1}
         session.put("fusiond/plane/estimate", b"nonsense")
