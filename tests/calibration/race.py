@@ -1,6 +1,7 @@
 """Every test of a configuration in one race on white innovations, written apart from the step that runs them.
 
-The filter is the healthy course's, repeated; the innovations are N(0, 1); an alarm of any test clears all of them.
+The filter is the healthy course's, repeated; the innovations are N(0, 1); a test starts anew with its alarm, all cells
+with that of one.
 """
 
 from __future__ import annotations
@@ -64,8 +65,12 @@ def _scatter(s, e, dof, variance, pooled, white, last, variance_h, pooled_h, whi
         pooled[a] = max(0.0, pooled[a] + min(gain, single * pooled_h[a]))
         gain = slope * product - 0.5 * slope**2 * before
         white[s, a] = max(0.0, white[s, a] + min(gain, single * white_h[s, a]))
-        over = variance[s, a] >= variance_h[s, a] or white[s, a] >= white_h[s, a]
-        alarm = alarm or over or pooled[a] >= pooled_h[a]
+        if variance[s, a] >= variance_h[s, a]:
+            alarm, variance[s, a] = True, 0.0
+        if white[s, a] >= white_h[s, a]:
+            alarm, white[s, a] = True, 0.0
+        if pooled[a] >= pooled_h[a]:
+            alarm, pooled[a] = True, 0.0
     return alarm
 
 
@@ -84,9 +89,8 @@ def race(rng, readings, course, cells, variance_h, pooled_h, white_h):
         hit = _cells(k, W, e, phi, llr, count, course, cells)
         if _scatter(s, e, dof, variance, pooled, white, last, variance_h, pooled_h, white_h, 0.9) or hit:
             alarms += 1
-            for array in (phi, variance, white, last):
-                array[:] = 0.0
-            llr[:], count[:], pooled[:] = 0.0, 0.0, 0.0
+        if hit:
+            phi[:], llr[:], count[:] = 0.0, 0.0, 0.0
     return alarms
 
 

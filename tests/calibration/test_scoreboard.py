@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 
 from fusiond.numerics.cusum import shift_delay, shift_threshold
+from fusiond.types import Alarm, Kind
 from tools.scoreboard.__main__ import main
 from tools.scoreboard.bands import mean_interval, share
+from tools.scoreboard.board import QUICK
 from tools.scoreboard.delays import settled_innovations
+from tools.scoreboard.judging import judged
 from tools.scoreboard.oracle import delays_of, profile, threshold
-from tools.scoreboard.plants import REFERENCE, STATIC, plant_of, sensed
+from tools.scoreboard.plants import REFERENCE, STATIC, VELOCITY, plant_of, sensed
+from tools.scoreboard.recordings import coverage_row, recordings_part
+from tools.scoreboard.watching import assembled, readings_of
 
 
 def test_the_oracle_is_the_exact_cusum_where_residuals_are_white():
@@ -32,6 +37,49 @@ def test_the_profile_is_the_mean_of_the_innovations_of_a_faulty_sensor():
     e = settled_innovations(plant, z)
     assert e[:, 60:100].std() == pytest.approx(1.0, abs=0.01)
     np.testing.assert_allclose(e[:, 100:].mean(axis=0), profile(plant, np.full(20, 5.0)), atol=0.08)
+
+
+def test_an_alarm_leaves_no_cell_with_evidence():
+    """What one excursion of the noise did to several cells is one alarm, so that thresholds mean what they promise."""
+    config = sensed(STATIC, {"y": 1.0}, 300.0)
+    assembly, left = assembled(config), []
+
+    class Watcher:
+        def consider(self, engine):
+            monitor = engine.track[0]["monitor"]
+            if monitor["alarm"] == Alarm.CELL:
+                left.append(float(np.abs(monitor["llr"]).max()))
+            monitor["alarm"] = Alarm.NONE
+
+    engine = assembly.engine()
+    engine._judge = Watcher()
+    engine.process(readings_of(assembly, plant_of(config).run(np.random.default_rng(4), 1, 30_000)[0])[0])
+    assert len(left) > 20
+    assert max(left) == 0.0
+
+
+def test_a_drift_is_told_as_the_error_it_has_grown_to():
+    """A rate is no size of a bias: what is compared is how far off the sensor is said to be."""
+    assembly = assembled(sensed(VELOCITY, {"y1": 0.1, "y2": 0.1, "y3": 0.1}, 36_000.0))
+    z = plant_of(assembly.config.model_dump()).run(np.random.default_rng(5), 1, 140)[0]
+    z[:, 100:, 1] += 0.3 * np.arange(1.0, 41.0)
+    (found,) = judged(assembly, assembly.engine(), z, 100)
+    assert (found.named, found.kind) == ((1,), Kind.DRIFT)
+    assert found.error == pytest.approx(0.3 * (found.step - 99), abs=0.15)
+
+
+def test_every_open_line_of_the_catalogue_is_counted():
+    row = coverage_row()
+    assert 0.0 < row.value < 1.0
+    assert "F19" in row.name
+    assert not row.ok
+
+
+def test_where_there_are_no_recordings_none_is_measured(monkeypatch, tmp_path):
+    monkeypatch.setenv("FUSIOND_DATA", str(tmp_path / "nowhere"))
+    rows = recordings_part(QUICK).rows
+    assert [row.name.split(":")[0] for row in rows if "recordings" in row.id] == ["not measured"]
+    assert not rows[-1].ok
 
 
 def test_intervals_hold_what_they_should():

@@ -31,13 +31,14 @@ from tools.scoreboard.levels import levels_part
 from tools.scoreboard.loops import loops_part
 from tools.scoreboard.naming import naming_part
 from tools.scoreboard.outages import outages_part
+from tools.scoreboard.recordings import recordings_part
 
 PARTS: dict[str, Part] = {
     "promise": promise_part, "wrong-noise": wrong_noise_part, "white": white_part, "reference": reference_part,
     "finite": finite_part, "drift": drift_part, "naming": naming_part,
     "exclusion": exclusion_part, "outages": outages_part, "kinds": kinds_part, "levels": levels_part,
     "adaptation": adaptation_part, "adaptation-faults": adaptation_faults_part,
-    "control": control_part, "loops": loops_part,
+    "control": control_part, "loops": loops_part, "recordings": recordings_part,
 }  # fmt: skip
 
 

@@ -53,14 +53,14 @@ def white_part(effort: Effort) -> Result:
     for number, name in enumerate(("sharp", "robust")):
         config = sensed(STATIC, {"y": 1.0}, PROMISED, profile=name)
         assembly, plant = assembled(config), plant_of(config)
-        found = quiet(assembly, plant, effort.runs(4_000_000, 1), 3000 + number)
+        found = quiet(assembly, plant, effort.runs(8_000_000, 1), 3000 + number)
         bank, service = found.interval(Alarm.CELL).value, found.interval().value
         tests = assembly.detection.tests if assembly.detection else 1.0
         limit = 1.30 * (1.0 + math.log(tests) / math.log(service))
         rng, engine = np.random.default_rng(3100 + number), assembly.engine()
         curve: dict[str, list[float]] = {"d": [], "delay": [], "bound": []}
         for d in CURVE if name == "sharp" else ROWS:
-            runs = effort.runs(4000 if d > 0.6 else 2000)
+            runs = effort.runs(4000 if d > 0.6 else 8000)
             alarms = listen(assembly, engine, plant.run(rng, runs, after(d))[0] + d)
             delay, missed = told(alarms.only(Alarm.CELL), runs, 0)
             bound = shift_delay(shift_threshold(bank, d), d)
@@ -119,7 +119,7 @@ def healthy_innovations(plant: Plant, steps: int, seed: int) -> Floats:
 def watched(config: Mapping[str, Any], effort: Effort, seed: int) -> tuple[Any, Plant, float]:
     """Assembly, plant, and the measured steps between false alarms of its bank."""
     assembly, plant = assembled(config), plant_of(config)
-    found = quiet(assembly, plant, effort.runs(4_000_000, 1), seed)
+    found = quiet(assembly, plant, effort.runs(8_000_000, 1), seed)
     return assembly, plant, found.interval(Alarm.CELL).value
 
 
@@ -134,7 +134,14 @@ def reference_part(effort: Effort) -> Result:
         fault = np.full(after(d), d / steady)
         window = min(len(fault), 320 if d < 0.8 else 120)
         ours, best = against_oracle(
-            assembly, plant, fault, interval, healthy, window, effort.runs(3000), 3310 + number
+            assembly,
+            plant,
+            fault,
+            interval,
+            healthy,
+            window,
+            effort.runs(3000 if d < 1.5 else 12000),
+            3310 + number,
         )
         delay, bound = float(ours[np.isfinite(ours)].mean()), float(best[np.isfinite(best)].mean())
         missed = float(np.isinf(ours).mean())

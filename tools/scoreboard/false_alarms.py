@@ -74,7 +74,7 @@ def promise_part(effort: Effort) -> Result:
     cases: list[tuple[str, Any, Plant, float, int]] = []
     for profile, promised, steps in (
         ("sharp", 1e4, 2_400_000),
-        ("sharp", 5e4, 6_000_000),
+        ("sharp", 5e4, 12_000_000),
         ("robust", 1e4, 2_400_000),
     ):
         cases.append((f"reference plant, {profile}", *reference(promised, profile), promised, steps))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from fusiond.assembly.assembly import Assembly
 from fusiond.engine.engine import Engine
-from fusiond.types import Health
+from fusiond.types import Health, Kind
 from tools.scoreboard.plants import Floats, Plant
 from tools.scoreboard.watching import Records, readings_of
 
@@ -19,14 +20,16 @@ NAMED = (int(Health.FAULTY), int(Health.EXCLUDED), int(Health.PROBATION))
 class Verdict:
     """What was decided in one run, from the onset on; sensors by their place among those with readings.
 
-    step: of the first name given, -1 without one.   named: who was named then.   size, std, onset: as told with it.
+    step: of the first name given, -1 without one.   named: who was named then.   kind, onset: as told with it.
+    error: of the sensor at that step by what was told, in its channel's unit: the size of a bias, the rate of a drift
+        times its age; not a number for kinds that say nothing of it.
     suspects: those last told to be indistinguishable from one another.
     """
 
     step: int
     named: tuple[int, ...]
-    size: float
-    std: float
+    kind: Kind
+    error: float
     onset: int
     suspects: tuple[int, ...]
 
@@ -48,13 +51,15 @@ def verdict_of(assembly: Assembly, reports: Records, onset: int) -> Verdict:
     suspects = tuple(int(k) for k in np.flatnonzero(told[last]))
     named = np.isin(health[onset:], NAMED).any(axis=1)
     if not named.any():
-        return Verdict(-1, (), 0.0, 0.0, -1, suspects)
+        return Verdict(-1, (), Kind.NONE, math.nan, -1, suspects)
     at = onset + int(np.argmax(named))
     who = tuple(k for k in range(len(numbers)) if health[at, k] in NAMED)
     row, first = steps[at], numbers[who[0]]
     step_ns = int(steps["t_ns"][0])
     began = round(int(row["fault_onset_ns"][first]) / step_ns) - 1
-    return Verdict(at, who, float(row["fault_size"][first]), float(row["fault_std"][first]), began, suspects)
+    kind, age_s = Kind(int(row["fault"][first])), (row["t_ns"] - row["fault_onset_ns"][first]) * 1e-9
+    error = float(row["fault_size"][first]) * {Kind.BIAS: 1.0, Kind.DRIFT: float(age_s)}.get(kind, math.nan)
+    return Verdict(at, who, kind, error, began, suspects)
 
 
 def judged(assembly: Assembly, engine: Engine, z: Floats, onset: int) -> list[Verdict]:

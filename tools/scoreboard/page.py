@@ -60,6 +60,14 @@ What the laws do, and when the command is a safe one: [control.md](control.md).
 ## What is left afterwards
 
 {after}
+
+## Recordings
+
+Recordings that nobody in this project made ([recordings.md](recordings.md)), with their configurations as they are in
+`configs/`; one without a section `[faults]` is given a robust one. Most are run for their beginning only; whole they
+are run by `tests/recordings`. The lines of the catalogue are those of [catalogue.md](catalogue.md).
+
+{recordings}
 """
 
 
@@ -87,6 +95,7 @@ def write(path: Path, result: Result, quick: bool = False) -> None:
         day=datetime.now(UTC).date(), machine=machine(), quick=", few runs only" if quick else "", before=BEFORE,
         delay=under(result.rows, "2", "3", "4", "5"), promise=under(result.rows, "1"),
         naming=under(result.rows, "6"), after=under(result.rows, "7", "8", "9"),
+        recordings=under(result.rows, "10"),
         adaptation=of(result.rows, ADAPTATION), control=of(result.rows, CONTROL),
     )  # fmt: skip
     path.write_text(text, encoding="utf-8")

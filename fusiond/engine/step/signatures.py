@@ -117,19 +117,34 @@ def weigh(track: Any, design: Any, work: Any, sensor: int, channel: int) -> None
 
 
 @kernel
-def restart_cells(track: Any, design: Any, sensor: int) -> None:
-    """Count the reading, raise the alarm of cells over their limit, start anew those without or with stale evidence."""
+def raise_alarm(track: Any, design: Any) -> bool:
+    """Raise the alarm of the first cell over its limit; whether there is one."""
     monitor, tests = track.monitor, design.tests
+    over = False
+    for sensor in range(SENSORS):
+        for c in range(tests.first[sensor], tests.last[sensor]):
+            if monitor.llr[c] >= tests.limit[c]:
+                over = True
+                if monitor.alarm == 0:
+                    monitor.alarm, monitor.alarm_sensor, monitor.alarm_cell = CELL, sensor, c
+    return over
+
+
+@kernel
+def restart_cells(track: Any, design: Any, sensor: int) -> None:
+    """Count the reading, raise the alarm, start anew the cells without or with stale evidence.
+
+    With an alarm all of them start anew: what one of them takes for its fault its neighbours and its twins would take
+    for theirs a few readings later. So one excursion of the noise is one false alarm, as the thresholds reckon.
+    """
+    monitor, tests = track.monitor, design.tests
+    over = raise_alarm(track, design)
     for other in range(SENSORS):
         counts = other == sensor or tests.is_input[other]
         for c in range(tests.first[other], tests.last[other]):
             if counts:
                 monitor.count[c] += 1
-            if monitor.llr[c] >= tests.limit[c]:
-                if monitor.alarm == 0:
-                    monitor.alarm, monitor.alarm_sensor, monitor.alarm_cell = CELL, other, c
-                monitor.llr[c] = 0.0
-            if monitor.llr[c] <= 0.0 or monitor.count[c] > tests.age[c]:
+            if over or monitor.llr[c] <= 0.0 or monitor.count[c] > tests.age[c]:
                 monitor.llr[c] = 0.0
                 monitor.count[c] = 0
                 for k in range(ERRORS):
