@@ -240,15 +240,12 @@ def cost_rows(effort: Effort, result: Result) -> None:
     both = merged(configuration(), {"control": STEERED, "model": PUSHED})
     variants = {"off": bare, "on": configuration(), "both": both}
     costs = step_costs(variants, max(3, effort.runs(25, 3)))
-    told = {
-        "on": ("cost", "adaptation"),
-        "both": ("cost.both", "adaptation and control (a command a reading) together"),
-    }
-    for name, (identity, what) in told.items():
+    together = "adaptation and control (a command a reading) together"
+    for name, identity, what in (("on", "cost", "adaptation"), ("both", "cost.both", together)):
         spent = float(np.median(costs[name] - costs["off"]))
-        what += f" in the step, constant velocity: {np.median(costs[name]):.2f} with, {np.median(costs['off']):.2f} "
-        what += "without; median of paired runs"
-        result.rows.append(_row(identity, what, spent, "<= 1", spent <= 1.0, "", "us"))
+        told = f"{what} in the step, constant velocity: {np.median(costs[name]):.2f} with, "
+        told += f"{np.median(costs['off']):.2f} without; median of paired runs"
+        result.rows.append(_row(identity, told, spent, "<= 1", spent <= 1.0, "", "us"))
 
 
 def adaptation_part(effort: Effort) -> Result:
