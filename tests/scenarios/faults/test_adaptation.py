@@ -61,7 +61,9 @@ def test_the_end_of_the_noise_is_the_end_of_the_fault():
 def test_noise_that_falls_slowly_is_over_once_it_has_fallen():
     """Noise back at the declared deviation within a thousand readings raises no alarm of its own; its name goes too."""
     # GIVEN noise that grows tenfold; WHEN it falls by a factor of a hundred in variance over a thousand readings
-    std = np.concatenate((np.full(400, 0.1), np.full(300, 1.0), np.geomspace(1.0, 0.1, 1000), np.full(1500, 0.1)))
+    std = np.concatenate(
+        (np.full(400, 0.1), np.full(300, 1.0), np.geomspace(1.0, 0.1, 1000), np.full(1500, 0.1))
+    )
     for seed in range(2):
         reports = run(measured(len(std), std, 60 + seed))
 
