@@ -98,7 +98,7 @@ def daemon_rows() -> list[Row]:
 def command_rows() -> list[Row]:
     """From a reading's put to the command at the actuator, and what the command costs the step."""
     found, step, held = bench_command_age(), bench_control(), bench_judging()
-    ratio, more = found["ratio"], step["lqg_us"] - step["none_us"]
+    ratio, more = found["ratio"], step["lqg_more_us"]
     age = "age of a command at the actuator, from the put of the reading it answers, 1 kHz, LQG mini car in its loop"
     told = "what LQG with integral action adds to a reading in the step, mini car, 100 commands a second"
     judged = "longest that a reading, and the command after it, waits for a judgement, mini car whose range finder lies"
@@ -148,7 +148,7 @@ PARTS: dict[str, Callable[[], list[Row]]] = {
 
 DAEMON = (
     " The daemon's rates and round trip are those of the mini car without `[faults]`: "
-    "a paced stream of one sensor is no car's."
+    "a paced stream of one sensor is no car's. A command's age is that of a car in its loop, with `[faults]`."
 )
 """How the daemon is configured that is measured."""
 REMARKS = {
