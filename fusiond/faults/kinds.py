@@ -3,12 +3,13 @@
 A change of noise, a spike and a lasting error (bias, drift, scale, delay) are told apart by a margin of ln 100, as the
 reactions differ; until then the kind stays open. What is compared is the evidence of a family, its members and their
 onsets left open: of the best member at its best onset alone, the one with more of them to choose from would look too
-good, and noise with a few readings alike would be called a bias more often than once in a hundred.
+good, and noise with a few readings alike would be called a bias too often.
 Among lasting errors the simplest, bias, is named until another explains more by `SHAPE`; what lies closer than that is
 listed beside the one named.
 
-Source: the evidence of a model, MacKay 2003, chapter 28; the bound of one in a hundred on a ratio of evidences that is
-watched until it passes 100, Ville 1939. Test: tests/calibration/test_kinds_named.py.
+Source: the evidence of a model, MacKay 2003, chapter 28; a ratio of evidences that is watched until it passes 100 does so
+wrongly in one case of a hundred at most (Ville 1939), noise of every size that is expected beforehand taken together;
+of ten sigma it was 1.7 %. Test: tests/calibration/test_kinds_named.py.
 """
 
 from __future__ import annotations
