@@ -7,9 +7,9 @@ good, and noise with a few readings alike would be called a bias too often.
 Among lasting errors the simplest, bias, is named until another explains more by `SHAPE`; what lies closer than that is
 listed beside the one named.
 
-Source: the evidence of a model, MacKay 2003, chapter 28; a ratio of evidences that is watched until it passes 100 does so
-wrongly in one case of a hundred at most (Ville 1939), noise of every size that is expected beforehand taken together;
-of ten sigma it was 1.7 %. Test: tests/calibration/test_kinds_named.py.
+Source: the evidence of a model, MacKay 2003, chapter 28; a ratio of evidences that is watched until it passes 100 does
+so wrongly in one case of a hundred at most (Ville 1939), noise of every size that is expected beforehand taken
+together; of ten sigma it was 1.7 %. Test: tests/calibration/test_kinds_named.py.
 """
 
 from __future__ import annotations

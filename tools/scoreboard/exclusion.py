@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fusiond.engine.engine import Engine
 from fusiond.simulation.registry import simulate
@@ -77,7 +79,7 @@ class Errors:
     never: float = 0.0
     excluded: int = 0
 
-    def add(self, faulted: Records, spared: Records, out: Floats, truth: Floats) -> None:
+    def add(self, faulted: Records, spared: Records, out: NDArray[np.bool_], truth: Floats) -> None:
         """Take in a run: reports on the same readings, (k,) whether the sensor is out, (k, n) true positions."""
         if not out.any():
             return
@@ -98,7 +100,7 @@ class Errors:
 
 def adapted_row(effort: Effort) -> Row:
     """Noise estimated: what the sensor said before it erred has been weighed by what was thought of its noise then."""
-    more = {"adaptation": {}}
+    more: dict[str, Any] = {"adaptation": {}}
     three = merged(sensed(VELOCITY, {f"y{k}": NOISE for k in (1, 2, 3)}, 36_000.0), more)
     with_it = assembled(three)
     without = assembled(merged(sensed(VELOCITY, {"y1": NOISE, "y3": NOISE}, 36_000.0), more))
