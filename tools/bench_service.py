@@ -60,11 +60,11 @@ def _count(ring: Any, seen: dict[str, int]) -> None:
         seen["used"] += 1
 
 
-def run_echo() -> None:
-    """Sends every payload back at once, from a ring and a thread of its own."""
+def run_echo(topic: str) -> None:
+    """Sends every sensor's payload back at once on a topic, from a ring and a thread of its own."""
     sessions = open_sessions("peer", ["tcp/127.0.0.1:0"], [])
-    ring = sessions.sensors.declare_subscriber(KEY, zenoh.handlers.RingChannel(RING))
-    publisher = sessions.sensors.declare_publisher(f"fusiond/{NAME}/estimate")
+    ring = sessions.sensors.declare_subscriber(f"fusiond/{NAME}/sensor/*", zenoh.handlers.RingChannel(RING))
+    publisher = sessions.sensors.declare_publisher(f"fusiond/{NAME}/{topic}")
 
     def echo() -> None:
         while True:
@@ -215,29 +215,32 @@ def highest_rate(endpoint: str) -> dict[str, float]:
         search.close()
 
 
-def round_trips(
-    endpoint: str,
-    *,
-    rate_hz: float = 1000.0,
-    for_s: float = 2.0,
-    topic: str = "estimate",
-    least: float = 0.99,
-) -> list[float]:
-    """Times from a put to what comes back for it on a topic, s, at a paced rate, sorted.
+class Arrivals:
+    """What comes back on a topic, and when: from a ring and a thread of its own, as at the bare echo."""
 
-    Args:
-        least: share of what was sent for which something must come back.
-    """
-    session = open_session(session_options("client", connect=[endpoint]))
-    back = session.declare_subscriber(f"fusiond/{NAME}/{topic}", zenoh.handlers.RingChannel(1024))
-    arrivals: list[tuple[int, zenoh.Sample]] = []
+    def __init__(self, session: zenoh.Session, topic: str) -> None:
+        self.came: list[tuple[int, zenoh.Sample]] = []
+        self._ring = session.declare_subscriber(f"fusiond/{NAME}/{topic}", zenoh.handlers.RingChannel(1024))
+        _in_thread(self._collect)
 
-    def collect() -> None:
+    def _collect(self) -> None:
         while True:
-            sample = back.recv()
-            arrivals.append((time.perf_counter_ns(), sample))
+            sample = self._ring.recv()
+            self.came.append((time.perf_counter_ns(), sample))
 
-    _in_thread(collect)
+    def ages_s(self, sent: dict[int, int]) -> list[float]:
+        """Times from each put (ns, by the stamp of its reading) to what came back for it, s, sorted.
+
+        An estimate on a tick, before the first reading, answers nothing that was sent.
+        """
+        stamped = ((came, stamp_of(sample)) for came, sample in self.came)
+        return sorted((came - sent[stamp]) / 1e9 for came, stamp in stamped if stamp in sent)
+
+
+def round_trips(endpoint: str, *, rate_hz: float = 1000.0, for_s: float = 2.0) -> list[float]:
+    """Times from a put to the estimate that comes back for it, s, at a paced rate, sorted."""
+    session = open_session(session_options("client", connect=[endpoint]))
+    back = Arrivals(session, "estimate")
     sensor = SensorPublisher(NAME, SENSOR, encoding="record", session=session)
     sensor.wait_until_heard()
     publisher = session.declare_publisher(KEY, encoding=ENCODING)
@@ -253,15 +256,18 @@ def round_trips(
         sent[stamp] = time.perf_counter_ns()
         publisher.put(record)
     deadline = time.monotonic() + 2.0
-    while len(arrivals) < len(sent) and time.monotonic() < deadline:
+    while len(back.came) < len(sent) and time.monotonic() < deadline:
         time.sleep(0.05)
-    # An estimate on a tick, before the first reading, answers nothing that was sent.
-    stamped = ((came, stamp_of(sample)) for came, sample in arrivals)
-    times = sorted((came - sent[stamp]) / 1e9 for came, stamp in stamped if stamp in sent)
+    times = back.ages_s(sent)
     session.close()
-    if len(times) < least * len(sent):
+    if len(times) < 0.99 * len(sent):
         raise RuntimeError(f"{endpoint}: {len(sent)} sent, only {len(times)} came back")
     return times
+
+
+def centile(times: list[float], percent: int) -> float:
+    """Of sorted times."""
+    return times[len(times) * percent // 100]
 
 
 def stamp_of(sample: zenoh.Sample) -> int:
@@ -297,8 +303,8 @@ def bench_round_trip(repeats: int = 5) -> dict[str, Any]:
         for _ in range(repeats):
             for name, endpoint in (("echo", echo), ("daemon", daemon)):
                 times = round_trips(endpoint)
-                found[f"{name}_p50"].append(times[len(times) // 2] * 1e6)
-                found[f"{name}_p99"].append(times[len(times) * 99 // 100] * 1e6)
+                for percent in (50, 99):
+                    found[f"{name}_p{percent}"].append(centile(times, percent) * 1e6)
     result: dict[str, Any] = {
         f"{name}_us": sorted(values)[len(values) // 2] for name, values in found.items()
     }
@@ -308,40 +314,24 @@ def bench_round_trip(repeats: int = 5) -> dict[str, Any]:
     }
 
 
-COMMAND_HZ = 50_000.0
-"""Above the rate of readings: each of them has its command, but those that a tick of a daemon held up has overtaken."""
-
-
-def bench_command_age(repeats: int = 5) -> dict[str, float]:
-    """Age of a command at the actuator, from the put of the reading it answers, and a bare echo; medians, us."""
-    found: dict[str, list[float]] = {"echo": [], "command": []}
-    with process("echo") as echo, process("daemon", "--command-hz", str(COMMAND_HZ)) as daemon:
-        for _ in range(repeats):
-            for name, endpoint, topic in (("echo", echo, "estimate"), ("command", daemon, "control")):
-                times = round_trips(endpoint, topic=topic, least=0.5)
-                found[name].append(times[len(times) * 99 // 100] * 1e6)
-    echo_us, command_us = (sorted(found[name])[repeats // 2] for name in ("echo", "command"))
-    return {"echo_p99_us": echo_us, "command_p99_us": command_us, "ratio": command_us / echo_us}
-
-
 def main() -> None:
     """Print both as one JSON object, or play one of the roles."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--role", choices=["counter", "echo", "daemon"])
     parser.add_argument("--publish-hz", type=float, default=50.0)
     parser.add_argument("--record", default="")
+    parser.add_argument("--topic", default="estimate")
     parser.add_argument("--command-hz", type=float, default=0.0)
     chosen = parser.parse_args()
     match chosen.role:
         case "counter":
             run_counter()
         case "echo":
-            run_echo()
+            run_echo(chosen.topic)
         case "daemon":
             run_daemon(chosen.publish_hz, chosen.record, chosen.command_hz)
         case _:
-            age, trip = bench_command_age(), bench_round_trip()
-            print(json.dumps({"command_age": age, "round_trip": trip, "throughput": bench_throughput()}))
+            print(json.dumps({"round_trip": bench_round_trip(), "throughput": bench_throughput()}))
 
 
 if __name__ == "__main__":

@@ -80,7 +80,7 @@ def noise_work_dtype(shape: AdaptShape, *, errors: int, payload: int) -> np.dtyp
 
     declared: (m,) declared variances of the reading's channels;   weighed: (4,) what a method says of one channel;
     slow_root, slow_own: (m,) deviations of the innovations with the slow R, and that;   root: (m,) with
-    the trusted one.
+    the trusted one;   width: squared, how much wider the gate is where the slow one is larger.
     Of the bins: P, mixed: (n, n);   gap, gain: (n,);   shift: (b, n) how far each is from the prior of row 0;   bin:
     (b,) their weights;   likely: (l,) weights of the levels, not normalised;   sums: (b, 4) their moments.
     """
@@ -88,7 +88,7 @@ def noise_work_dtype(shape: AdaptShape, *, errors: int, payload: int) -> np.dtyp
     return packed([
         ("declared", "<f8", (m,)), ("weighed", "<f8", (4,)), ("slow_root", "<f8", (m,)), ("slow_own", "<f8", (m,)),
         ("root", "<f8", (m,)),
-        ("P", "<f8", (n, n)), ("mixed", "<f8", (n, n)), ("gap", "<f8", (n,)), ("gain", "<f8", (n,)),
+        ("width", "<f8"), ("P", "<f8", (n, n)), ("mixed", "<f8", (n, n)), ("gap", "<f8", (n,)), ("gain", "<f8", (n,)),
         ("shift", "<f8", (shape.bins, n)), ("likely", "<f8", (shape.levels,)), ("bin", "<f8", (shape.bins,)),
         ("sums", "<f8", (shape.bins, 4)),
     ])  # fmt: skip

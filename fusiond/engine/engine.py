@@ -137,6 +137,11 @@ class Engine:
         self._step(np.zeros(1, self._reading), np.zeros(1, self.layout.report), self._nobody_asks)
 
     @property
+    def judging(self) -> Engine | None:
+        """The compiled engine that judges for a plain one; None where this one judges for itself, or nobody does."""
+        return self._overseer.engine if self._overseer is not None else None
+
+    @property
     def histories(self) -> tuple[Records, Records]:
         """The track now, (1,), and its kept snapshots, (k,); a decision must reach them all."""
         return self.track, self._snapshots

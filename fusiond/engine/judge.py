@@ -12,7 +12,7 @@ decides before the next is looked at. Health of a sensor, and what moves it:
 | healthy, suspect | isolated; noise | faulty | weighs the readings by the noise they have (adaptation: does already) |
 | healthy | one of a set that nothing tells apart | suspect | weighs the whole set down so as to cover all |
 | any | frozen, or nothing that could be used | excluded | does without it, whatever is left |
-| faulty | the error has gone | healthy | believes the readings as they are |
+| faulty | the error has gone, or its noise has fallen however slowly | healthy | believes the readings as they are |
 | excluded | it agrees with the estimate, or lives where that is too unsure to say | probation | does without it |
 | excluded input | it has waited | probation | tries it |
 | probation | they agree once more, and it has waited | healthy | uses it again |
@@ -53,7 +53,10 @@ STEPS, LEAST = 128, 16
 PROBATION_S = 1.0
 """Shortest probation of a sensor; doubled with every relapse."""
 RETRY_S = 5.0
-"""Shortest time before an excluded input is tried again, and before it is believed; doubled likewise."""
+"""Shortest time before an excluded input is tried again, and before it is believed; doubled likewise. Noise that is
+estimated is looked at as often."""
+QUIET = 1.5**2
+"""Noise of less than this, a variance over the declared one, is no fault (any more)."""
 RELAPSES = 6
 """Relapses after which waiting grows no longer."""
 SINGLE = 2
@@ -271,10 +274,12 @@ class Judge:
 
     def _schedule(self, reactions: Reactions, sensor: int) -> None:
         """Set the time at which an input is looked at again."""
-        wait_ns = self._retry_ns(reactions, sensor)
-        due = reactions.now_ns + wait_ns
         reactions.write("since_ns", reactions.now_ns, sensor)
-        planned = int(reactions.engine.desk[0]["retry_ns"])
+        self._look_again(reactions, self._retry_ns(reactions, sensor))
+
+    def _look_again(self, reactions: Reactions, wait_ns: int) -> None:
+        """Ask for a retry so long from now, unless one is due before."""
+        due, planned = reactions.now_ns + wait_ns, int(reactions.engine.desk[0]["retry_ns"])
         reactions.engine.desk[0]["retry_ns"] = min(planned, due) if planned else due
 
     def _wait_ns(self, reactions: Reactions, sensor: int, shortest_s: float) -> int:
@@ -310,7 +315,7 @@ class Judge:
             estimated = reactions.engine.adapts(sensor)
             if estimated:
                 reactions.scale_noise(sensor, float(fit.size[0]) ** 2)
-            if variance < 1.5**2:
+            if variance < QUIET:
                 reactions.clear(sensor)
             elif variance > LARGEST_NOISE**2 and self._excludable(reactions, sensor, fit.place):
                 reactions.name(sensor, fit, Kind.NOISE, Health.EXCLUDED)
@@ -318,10 +323,16 @@ class Judge:
             else:
                 reactions.name(sensor, fit, Kind.NOISE, Health.FAULTY)
                 reactions.write("size", float(np.sqrt(variance)), sensor)
-                if not estimated:
+                if estimated:
+                    self._look_again(reactions, int(RETRY_S * NANOSECONDS))
+                else:
                     reactions.write("noise_excess", variance - 1.0, sensor)
         reactions.since(fit.onset)
         reactions.replay()
+
+    def _estimates_noise(self, reactions: Reactions, sensor: int) -> bool:
+        """Whether the sensor is thought noisy and adaptation is the reaction."""
+        return bool(reactions.reaction["kind"][sensor] == Kind.NOISE and reactions.engine.adapts(sensor))
 
     def _unusable(self, reactions: Reactions, sensor: int, kind: Kind) -> None:
         """Its readings are frozen, or cannot be used at all."""
@@ -349,10 +360,18 @@ class Judge:
             reactions.clear(sensor)
 
     def _retry(self, reactions: Reactions) -> None:
-        """Try excluded inputs that have waited, and believe those that were tried and raised no alarm."""
+        """Try excluded inputs that have waited, and believe those that were tried and raised no alarm.
+
+        Noise that falls slowly raises no alarm, as its estimate keeps up with it: whether it is over is looked at here.
+        """
         reactions.engine.desk[0]["retry_ns"] = 0
         for sensor in self.layout.sensors:
             number, health = sensor.number, reactions.reaction["health"][sensor.number]
+            if health == Health.FAULTY and self._estimates_noise(reactions, number):
+                if reactions.noise_ratio(number) < QUIET:
+                    reactions.clear(number)
+                else:
+                    self._look_again(reactions, int(RETRY_S * NANOSECONDS))
             if sensor.role is not Role.INPUT or health not in (Health.EXCLUDED, Health.PROBATION):
                 continue
             waited_ns = reactions.now_ns - int(reactions.reaction["since_ns"][number])

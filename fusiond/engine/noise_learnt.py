@@ -17,25 +17,34 @@ PARTS = 2
 
 
 def learnt(engine: Engine) -> dict[str, dict[str, list[float]]]:
-    """The ratios now; empty without adaptation, and before the first reading."""
+    """The ratios now; empty without adaptation, and before the first reading.
+
+    The slow ones are those of the engine that judges: a plain one has none of its own.
+    """
     if engine.layout.shape.adapt is None:
         return {}
     noise = engine.track[0]["noise"]
+    slow = (engine.judging or engine).track[0]["noise"]["slow"]
     found = {}
     for sensor in engine.layout.sensors:
         dof = engine.dof(sensor.number)
         if sensor.role is Role.UPDATE and noise["begun"][sensor.number]:
             found[sensor.name] = {
                 "trusted": noise["trusted"][0, sensor.number, :dof].tolist(),
-                "slow": noise["slow"][sensor.number, :dof].tolist(),
+                "slow": slow[sensor.number, :dof].tolist(),
             }
     return found
 
 
 def recall(engine: Engine, known: Learnt) -> None:
-    """Let an engine that has had no reading begin with what was learnt before; what does not fit is left out."""
+    """Let an engine that has had no reading begin with what was learnt before; what does not fit is left out.
+
+    So does the one that judges for it, which would else hold noise as it always is for noise that has changed.
+    """
     if engine.layout.shape.adapt is None:
         return
+    if engine.judging is not None:
+        recall(engine.judging, known)
     noise = engine.track[0]["noise"]
     for name, ratios in known.items():
         number = engine.layout.numbers.get(name)

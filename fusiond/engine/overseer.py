@@ -4,7 +4,8 @@ The monitors are kernels of the compiled step, and what they look at, the innova
 of those that leave one out, exists there alone: a topology with averaged gains or shared-out information has no
 innovation whose distribution is known. So a compiled engine runs beside the plain one. What it decides about a sensor
 (left out, corrected, weighed down) is written into the plain track and its snapshots, and the plain readings since the
-onset are applied once more: the plain topology becomes what it would have been, had it known at the onset.
+onset are applied once more: the plain topology becomes what it would have been, had it known at the onset. Whose noise
+stands still while an alarm is open (adaptation) is handed on as well.
 A delay that cannot be spared is named but not taken off: that needs the rate of h, which only the monitors know.
 """
 
@@ -44,9 +45,19 @@ class Overseer:
         decided["out_from_ns"][always] = decided["onset_ns"][always]
         return np.asarray(decided)
 
+    def _hand_on_frozen(self, plain: Engine) -> None:
+        """Have the noise of those that may err otherwise stand still in the plain track too, and in its past."""
+        if plain.layout.shape.adapt is None:
+            return
+        frozen = self.engine.track[0]["noise"]["frozen"]
+        if not np.array_equal(frozen, plain.track[0]["noise"]["frozen"]):
+            for records in plain.histories:
+                records["noise"]["frozen"] = frozen
+
     def lead(self, plain: Engine, reading: NDArray[Any]) -> None:
         """Hear a reading (1,) before the plain engine does, and hand on what has been decided since."""
         self.engine.process(reading)
+        self._hand_on_frozen(plain)
         decided, known = self._decided(), plain.track[0]["reaction"]
         if decided.tobytes() == known.tobytes():
             return

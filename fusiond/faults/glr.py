@@ -14,6 +14,7 @@ Source: Willsky & Jones 1976. Laws: tests/laws/test_glr.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -45,7 +46,8 @@ class Fit:
         glr: log likelihood ratio against no fault.   score: the same after what was fitted is paid for.
         removed: what it explains of the sum of squares of e.
         ground: where it acts.   number: of the onset among the ground's entries.
-        curve: (o,) log likelihood ratio of each onset tried.   information: (o,) determinant of a.
+        curve: (o,) log likelihood ratio of each onset tried.   information: (o,) determinant of a; of a
+            change of noise, of its factor's logarithm: two a reading.
     """
 
     hypothesis: Hypothesis
@@ -70,11 +72,30 @@ class Fit:
         """Kind of the fault."""
         return self.hypothesis.kind
 
+    @property
+    def evidence(self) -> float:
+        """The score with the onset left open: the log of the likelihood of all onsets tried, not of the best alone.
+
+        The best one holds the share w of their probability, so all of them together hold 1 / w as much.
+        """
+        weight = onset_weights(self.curve, self.information)
+        return self.score - math.log(max(float(weight[self.number]), 1e-300))
+
     def basis(self) -> Matrix:
         """(E, q) whitened means for a unit of each size; a change of noise has none."""
         if self.kind is Kind.NOISE:
             return np.zeros((len(self.ground.response.e), 0))
         return basis(self.ground, self.hypothesis, self.number)
+
+
+def onset_weights(curve: Vector, information: Vector) -> Vector:
+    """(o,) probability of each onset from its log likelihood ratio and the determinant of its information."""
+    known = information > FAINT * np.max(information, initial=0.0)
+    logs = np.where(known, curve - 0.5 * np.log(np.where(known, information, 1.0)), -np.inf)
+    if not np.any(known):
+        logs = curve
+    weight = np.exp(logs - np.max(logs))
+    return weight / np.sum(weight)
 
 
 def likelihoods(a: Matrix, b: Matrix) -> tuple[Vector, Vector]:
@@ -142,7 +163,8 @@ def fit_noise(ground: Ground, hypothesis: Hypothesis) -> Fit:
     return Fit(
         hypothesis, spread.onset, np.array([spread.factor]), np.array([[spread.factor_var]]), spread.glr,
         spread.glr - paid, spread.removed,
-        ground, int(np.searchsorted(ground.entries, spread.onset)), spread.curve, np.ones(len(spread.curve)),
+        ground, int(np.searchsorted(ground.entries, spread.onset)), spread.curve,
+        2.0 * np.arange(len(spread.curve), 0.0, -1.0),
     )  # fmt: skip
 
 

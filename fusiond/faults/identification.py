@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fusiond.faults.forecast import errors_of
-from fusiond.faults.glr import Fit, fit_signature, likelihoods
+from fusiond.faults.glr import Fit, fit_signature, likelihoods, onset_weights
 from fusiond.faults.ground import information
 from fusiond.faults.hypotheses import Place
 from fusiond.faults.response import Response
@@ -66,16 +66,6 @@ class Identity:
         """The part that stands out most from its uncertainty."""
         usual = 1.0 if self.kind in (Kind.SCALE, Kind.NOISE) else 0.0
         return max(self.parts, key=lambda part: abs(part.size - usual) / max(part.std, 1e-300))
-
-
-def onset_weights(curve: Vector, information: Vector) -> Vector:
-    """(o,) probability of each onset from its log likelihood ratio and the determinant of its information."""
-    known = information > 0.0
-    logs = np.where(known, curve - 0.5 * np.log(np.where(known, information, 1.0)), -np.inf)
-    if not np.any(known):
-        logs = curve
-    weight = np.exp(logs - np.max(logs))
-    return weight / np.sum(weight)
 
 
 def _sizes(fit: Fit, weight: Vector) -> tuple[Vector, Vector]:

@@ -100,10 +100,10 @@ class Outputs:
                 self._update_ns = t_ns
             if action == RESET:
                 self._reset(raw, k, t_ns, service)
+            if command_due:  # first: an actuator waits for it
+                self._control(raw, k, t_ns, service)
             if updated or service >= DEAD_RECKONING:
                 self._estimate(raw, k, state_t_ns, service)
-            if command_due:
-                self._control(raw, k, t_ns, service)
         if self._asked:
             self._send_reports(reports)
 

@@ -14,6 +14,7 @@ from fusiond.engine.engine import Engine
 from fusiond.faults.protection import quantile
 from fusiond.recording.replay import replay
 from fusiond.recording.truth import Truth
+from tools.pages.trials import merged
 from tools.scoreboard.plants import REFERENCE, plant_of, sensed
 from tools.scoreboard.watching import assembled, readings_of
 
@@ -23,10 +24,11 @@ Shares = NDArray[np.float64]
 
 
 @functools.cache
-def guarded() -> Assembly:
+def guarded(*, adapting: bool = False) -> Assembly:
     """Both sensors read the same output."""
     faults = {"protect": ["x1"], "protect_outside": OUTSIDE, "window": 64}
-    return assembled(sensed(REFERENCE, {"y1": 1.0, "y2": 1.0}, ATTENTIVE_S, **faults))
+    config = sensed(REFERENCE, {"y1": 1.0, "y2": 1.0}, ATTENTIVE_S, **faults)
+    return assembled(merged(config, {"adaptation": {}}) if adapting else config)
 
 
 class Deaf:
@@ -36,10 +38,15 @@ class Deaf:
         """Let the alarm be."""
 
 
-def shares(bias: float, *, judged: bool, seed: int) -> tuple[Shares, Shares]:
-    """(RUNS,) share of each run's settled samples outside the level, and outside the same quantile of std alone."""
-    assembly = guarded()
-    engine, plant = assembly.engine(), plant_of(assembly.config.model_dump())
+def shares(
+    bias: float, *, judged: bool, seed: int, adapting: bool = False, R: float = 1.0
+) -> tuple[Shares, Shares]:
+    """(RUNS,) share of each run's settled samples outside the level, and outside the same quantile of std alone.
+
+    R: variance of the sensors' noise over the declared one.
+    """
+    assembly = guarded(adapting=adapting)
+    engine, plant = assembly.engine(), plant_of(assembly.config.model_dump()).wrong(R=R)
     if not judged:
         engine._judge = Deaf()  # type: ignore[assignment]
     z, states = plant.run(np.random.default_rng(seed), RUNS, STEPS)
@@ -63,6 +70,19 @@ def lowest(share: Shares) -> float:
 @pytest.mark.parametrize("bias", [0.0, 1.0, 2.0])
 def test_no_more_errors_exceed_the_level_than_promised(bias: float, judged: bool) -> None:
     assert lowest(shares(bias, judged=judged, seed=int(10 * bias))[0]) <= OUTSIDE
+
+
+@pytest.mark.parametrize("R", [1.0, 9.0])
+@pytest.mark.parametrize("bias", [0.0, 2.0])
+def test_nor_where_the_noise_is_estimated(bias: float, R: float) -> None:
+    """The filters that leave a sensor out weigh the others by the same estimate, so the levels hold as they are.
+
+    Of noise three times as large as declared the deviations alone, noise not estimated, are exceeded all the time.
+    """
+    given = {"judged": False, "seed": int(10 * bias + R), "R": R}
+    assert lowest(shares(bias, adapting=True, **given)[0]) <= OUTSIDE
+    if R > 1.0:
+        assert lowest(shares(bias, **given)[1]) > 3.0 * OUTSIDE
 
 
 def test_the_deviation_alone_would_not_have_held() -> None:

@@ -8,7 +8,7 @@ import pytest
 from fusiond.faults.course import Suspect
 from fusiond.faults.disturbance import model_score
 from fusiond.faults.forecast import separate
-from fusiond.faults.glr import fit_signature, scan
+from fusiond.faults.glr import EXPECTED, fit_signature, scan
 from fusiond.faults.ground import basis, free, ground_of, information
 from fusiond.faults.hypotheses import Hypothesis, catalogue
 from fusiond.faults.identification import identify
@@ -164,6 +164,19 @@ def _hear(run: Run, z: float) -> None:
     line["e"][0] = nu / np.sqrt(S)
     run.xhat, run.P = run.xhat + K * nu, run.P - np.outer(K, K) * S
     run.lines.append(line)
+
+
+def test_the_evidence_is_the_likelihood_of_all_sizes_and_onsets() -> None:
+    """Within half a nat of the exact integral, which weighs the sizes by their prior as well."""
+    response = spoilt(reference(1), {0: constant(6.0)}, readings=ONSET + 6)
+    bias = Hypothesis(Kind.BIAS, ((Suspect(0, 0, is_input=False),),))
+    fit = fit_signature(ground_of(response, (0,), ()), bias)
+    a, b = information(fit.ground, bias)
+    V = EXPECTED**2 * float(fit.ground.variance[0])
+    each = 0.5 * b[:, 0] ** 2 / (a[:, 0, 0] + 1.0 / V) - 0.5 * np.log1p(V * a[:, 0, 0])
+    exact = float(np.logaddexp.reduce(each)) - np.log(len(each))
+    assert fit.evidence == pytest.approx(exact, abs=0.5)
+    assert fit.evidence > fit.score
 
 
 def test_the_likelihood_of_a_noise_factor_is_the_normal_densitys() -> None:

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from fusiond.engine.engine import Engine
-from fusiond.types import Health
+from fusiond.simulation.registry import simulate
+from fusiond.types import NANOSECONDS, Health
+from tools.pages.trials import configured, merged, records
 from tools.scoreboard.board import Effort, Result, Row
 from tools.scoreboard.judging import places
 from tools.scoreboard.plants import VELOCITY, Floats, plant_of, sensed
@@ -19,6 +26,8 @@ GARBAGE_FROM = 150
 BEFORE_IT = 3
 """Steps before its exclusion at which the second fault begins: ten readings of three sensors."""
 SIGMAS, SECOND = 8.0, 6.0
+LOST, LOST_NS = "heading", 20 * NANOSECONDS
+"""The sensor that errs on the drive in the plane, and since when."""
 
 
 def same_bytes(faulted: Records, spared: Records, health: Floats) -> bool:
@@ -60,6 +69,80 @@ def equal_rows(effort: Effort, result: Result) -> None:
     told = f"the same runs: on probation within {AFTER} readings, though the bias goes on"
     back = returned / len(z)
     result.rows.append(Row("7.probation", told, back, "of runs", "", None, "<= 0.01", back <= 0.01))
+
+
+@dataclass(slots=True)
+class Errors:
+    """Sums of squared errors of position while a sensor is out: of the run that lost it, and of the one without it."""
+
+    lost: float = 0.0
+    never: float = 0.0
+    excluded: int = 0
+
+    def add(self, faulted: Records, spared: Records, out: NDArray[np.bool_], truth: Floats) -> None:
+        """Take in a run: reports on the same readings, (k,) whether the sensor is out, (k, n) true positions."""
+        if not out.any():
+            return
+        self.excluded += 1
+        since = np.flatnonzero(out)[0] + SOON
+        kept, n = np.flatnonzero(out[since:]) + since, truth.shape[1]
+        self.lost += float(np.sum((faulted["x"][kept, :n] - truth[kept]) ** 2))
+        self.never += float(np.sum((spared["x"][kept, :n] - truth[kept]) ** 2))
+
+    def row(self, identity: str, what: str, runs: int) -> Row:
+        """Their ratio, as RMSE."""
+        ratio = math.sqrt(self.lost / self.never) if self.never else math.nan
+        told = f"RMSE of position after the exclusion, {what}; excluded in {self.excluded} of {runs} runs"
+        return Row(
+            f"7.rmse.{identity}", told, ratio, "", "a run without the sensor", ratio, "<= 1.05", ratio <= 1.05
+        )
+
+
+def adapted_row(effort: Effort) -> Row:
+    """Noise estimated: what the sensor said before it erred has been weighed by what was thought of its noise then."""
+    more: dict[str, Any] = {"adaptation": {}}
+    three = merged(sensed(VELOCITY, {f"y{k}": NOISE for k in (1, 2, 3)}, 36_000.0), more)
+    with_it = assembled(three)
+    without = assembled(merged(sensed(VELOCITY, {"y1": NOISE, "y3": NOISE}, 36_000.0), more))
+    z, states = plant_of(three).run(np.random.default_rng(7200), effort.runs(60, 4), ONSET + 4 * AFTER)
+    z[:, ONSET:, 1] += SIGMAS * NOISE
+    engine, spared, errors = with_it.engine(), without.engine(), Errors()
+    given = zip(readings_of(with_it, z), readings_of(without, z[:, :, ::2]), states, strict=True)
+    for faulted, healthy, truth in given:
+        engine.reset()
+        spared.reset()
+        steps, numbers = places(with_it, engine.process(faulted))
+        others, _ = places(without, spared.process(healthy))
+        errors.add(steps, others, np.isin(steps["health"][:, numbers[1]], OUT), truth[:, :1])
+    return errors.row(
+        "adapted", f"constant velocity, noise estimated, {SIGMAS:.0f} sigma on one of three", len(z)
+    )
+
+
+def extended_row(effort: Effort) -> Row:
+    """An extended filter: the one that takes over has linearised about an estimate without the error all along."""
+    faults = {"faults": {"mean_time_between_false_alarms_s": 36_000.0}}
+    with_it = configured("planar", faults)
+    without = configured("planar", faults | {"sensor": {LOST: None}})
+    engine, spared, errors, runs = with_it.engine(), without.engine(), Errors(), effort.runs(10, 2)
+    for seed in range(runs):
+        drive = simulate("planar", seed=seed, duration_s=60.0)
+        given = records(with_it.layout, drive.readings)
+        theirs = given["sensor"] == with_it.layout.numbers[LOST]
+        given["z"][theirs & (given["t_ns"] >= LOST_NS), 0] += SIGMAS * 0.02
+        engine.reset()
+        spared.reset()
+        reports = engine.process(given)[~theirs]
+        others = spared.process(records(without.layout, drive.readings))
+        columns = [drive.truth.names.index(name) for name in ("x", "y")]
+        truth = np.stack(
+            [np.interp(reports["t_ns"], drive.truth.t_ns, drive.truth.values[:, c]) for c in columns], axis=1
+        )
+        out = np.isin(reports["health"][:, with_it.layout.numbers[LOST]], OUT)
+        errors.add(reports, others, out, truth)
+    return errors.row(
+        "extended", f"configs/planar.toml (extended filter), {SIGMAS:.0f} sigma on `{LOST}`", runs
+    )
 
 
 def nees(engine: Engine, truth: Floats) -> float:
@@ -117,4 +200,5 @@ def exclusion_part(effort: Effort) -> Result:
     result = Result()
     equal_rows(effort, result)
     second_rows(effort, result)
+    result.rows += [adapted_row(effort), extended_row(effort)]
     return result

@@ -47,14 +47,18 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
     report.verdict = USED
     if is_excluded(track, sensor, reading.t_ns):
         report.verdict = EXCLUDED
-        return
-    given = corrected(track, design, reading, work.spare)
-    if design.role[sensor] == INPUT:
-        drive(track, design, work, given, report)
     else:
-        correct(track, design, work, given, report)
-        report.R_declared /= 1.0 + track.reaction.noise_excess[sensor]
-        track.update_ns = reading.t_ns
+        use(track, design, work, corrected(track, design, reading, work.spare), report)
     track.sensor_seen[sensor] = 1
     length = design.length[sensor]
     track.sensor_z[sensor, :length] = reading.z[:length]
+
+
+def use(track: Any, design: Any, work: Any, given: Any, report: Any) -> None:
+    """Drive or correct with a reading whose sensor's known error has been taken off."""
+    if design.role[given.sensor] == INPUT:
+        drive(track, design, work, given, report)
+        return
+    correct(track, design, work, given, report)
+    report.R_declared /= 1.0 + track.reaction.noise_excess[given.sensor]
+    track.update_ns = given.t_ns

@@ -3,7 +3,8 @@
 `assembly` copies this file over `noise.py`. The methods are the compiled step's own kernels with the compiler taken
 away; what an update cannot express, the spread that interacting models add to the covariance, is left out, and the R
 reported is that of the update, the reading counted.
-In a decentralized topology the sensor's own local filter estimates, else the estimate of all sensors does.
+In a decentralized topology the sensor's own local filter estimates, else the estimate of all sensors does. While the
+judge has an alarm open that the sensor's noise does not explain, either stands still: it is what weighs the sensor.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ def trusted(track: Any, design: Any, work: Any, row: int, reading: Any, P: Matri
     sensor, noise, made, said = reading.sensor, track.noise, design.noise, work.noise.weighed
     m, k = design.dof[sensor], OWN if row > 0 else PRIMARY
     work.noise.declared[:m] = work.R_d[:m]
+    learns = made.adapts[sensor] and not noise.frozen[sensor]
     apart = np.linalg.inv(np.triu(work.R_U[:m, :m], 1) + np.eye(m))
     nu, H, x = apart @ work.nu[:m], apart @ work.H[:m], np.zeros(P.shape[0])
     for i in range(m):
@@ -33,7 +35,7 @@ def trusted(track: Any, design: Any, work: Any, row: int, reading: Any, P: Matri
         cross = P @ H[i]
         through, left = float(H[i] @ cross), float(nu[i] - H[i] @ x)
         r = declared_r * before
-        if made.adapts[sensor] and declared_r > 0.0:
+        if learns and declared_r > 0.0:
             memory = noise.memory[k, sensor, i]
             weigh(memory, made, sensor, i, before, left / np.sqrt(declared_r), through / declared_r, said)
             lowest, highest = made.floor[sensor, i], made.ceiling[sensor, i]

@@ -42,6 +42,12 @@ def fuse_channel(track: Any, design: Any, work: Any, row: int, sensor: int, i: i
 
 
 @kernel
+def gate_width(work: Any) -> float:
+    """By how much the squared distance from which a reading is refused is to be larger than with the trusted R."""
+    return 1.0
+
+
+@kernel
 def root_of(work: Any, i: int, S: float) -> float:
     """Deviation that is expected of channel i's innovation, fused with a gain of variance S."""
     return np.sqrt(S)

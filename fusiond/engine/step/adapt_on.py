@@ -1,8 +1,9 @@
 """The hooks of the step where the configuration asks for adaptation. `assembly` copies this over `adapt.py`.
 
-Three R for each channel: declared, trusted (gate and update) and slow (monitors). The primary filter estimates for
-itself, and so does a filter that hears one sensor alone; a filter that leaves a sensor out weighs the others as the
-primary one does. A reading that the gate refuses still counts; what a suspect or excluded sensor says does not.
+Three R for each channel: declared, trusted (gate and update) and slow (monitors; the gate where it is the larger). The
+primary filter estimates for itself, and so does a filter that hears one sensor alone; a filter that leaves a sensor out
+weighs the others as the primary one does. A reading that the gate refuses still counts; what a suspect or excluded
+sensor says does not.
 """
 
 from __future__ import annotations
@@ -67,6 +68,7 @@ def learns(track: Any, design: Any, row: int, sensor: int) -> bool:
 @kernel
 def trust(track: Any, design: Any, work: Any, row: int, sensor: int) -> None:
     """Scale work.R_d by the trusted ratio; keep the declared variances in work.noise.declared."""
+    work.noise.width = 1.0
     for i in range(design.dof[sensor]):
         work.noise.declared[i] = work.R_d[i]
         if row == CENTRAL:
@@ -136,6 +138,7 @@ def fuse_channel(track: Any, design: Any, work: Any, row: int, sensor: int, i: i
     """Fuse channel i into filter `row`; returns the S of its gain, writes the gain times S into work.b."""
     through = ud_projected(track.U[row], track.d[row], work.H[i])
     work.noise.root[i] = np.sqrt(through + work.R_d[i])
+    widen_gate(track, work, sensor, i, through)
     if row == CENTRAL:
         note_slowly(track, design, work, sensor, i, nu, through)
         if BINS > 0:
@@ -149,6 +152,24 @@ def fuse_channel(track: Any, design: Any, work: Any, row: int, sensor: int, i: i
             work.a[j] = work.b[j]
         ud_add(track.U[row], track.d[row], work.a, work.noise.weighed[2])
     return S
+
+
+@kernel
+def widen_gate(track: Any, work: Any, sensor: int, i: int, through: float) -> None:
+    """Note how much wider channel i's innovation would be with the slow R, where that is the larger.
+
+    An estimate that follows within tens of readings is sometimes a third too low, and a reading is not to be refused
+    for that. As before the reading, which cannot widen its own gate.
+    """
+    narrow, wide = through + work.R_d[i], through + track.noise.slow[sensor, i] * work.noise.declared[i]
+    if narrow > 0.0:
+        work.noise.width = max(work.noise.width, wide / narrow)
+
+
+@kernel
+def gate_width(work: Any) -> float:
+    """By how much the squared distance from which a reading is refused is larger than with the trusted R."""
+    return work.noise.width
 
 
 @kernel

@@ -169,7 +169,7 @@ def fuse_levels(track: Any, design: Any, work: Any, sensor: int, nu: float, lear
         noise.bin[b] = noise.sums[b, 0]
         total += noise.bin[b]
     gate = design.tests.gate[sensor]
-    refused = (gate > 0.0 and nu * nu > gate * S) or is_excluded(track, sensor, track.t_ns)
+    refused = (gate > 0.0 and nu * nu > gate * noise.width * S) or is_excluded(track, sensor, track.t_ns)
     for j in range(ERRORS):
         noise.gain[j] = 0.0
     if refused:

@@ -11,7 +11,7 @@ from fusiond.numerics.kernel import kernel
 from fusiond.numerics.ud import ud_factor, ud_projected, whiten
 from fusiond.types import Verdict
 
-from .adapt import declared_variance, fuse_channel, prepare, root_of, scale_slowly, trust
+from .adapt import declared_variance, fuse_channel, gate_width, prepare, root_of, scale_slowly, trust
 from .guard import begin_learning, forget_learning, note_learning
 from .inject import settle
 from .monitor import after_look, after_update, before_update, undelay
@@ -156,6 +156,7 @@ def correct(track: Any, design: Any, work: Any, row: int, reading: Any, out: boo
     if gated or out:
         keep(track, work, row)
     nis = condition(track, design, work, row, reading.sensor)
+    gate *= gate_width(work)
     used = not out and (not gated or nis <= gate)
     if not used:
         put_back(track, work, row)

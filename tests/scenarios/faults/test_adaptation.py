@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fusiond.types import Kind, Verdict
+from fusiond.types import Health, Kind, Verdict
 from tests.laws.adaptation_rig import R, adapted, measured, readings_of
 
 
@@ -56,6 +56,22 @@ def test_the_end_of_the_noise_is_the_end_of_the_fault():
     assert first(reports, Kind.NOISE, 400) > 0
     assert reports["fault"][-1, 0] == Kind.NONE
     assert 0.5 < np.median(reports["R_used"][1000:, 0]) / R < 2.0
+
+
+def test_noise_that_falls_slowly_is_over_once_it_has_fallen():
+    """Noise back at the declared deviation within a thousand readings raises no alarm of its own; its name goes too."""
+    # GIVEN noise that grows tenfold; WHEN it falls by a factor of a hundred in variance over a thousand readings
+    std = np.concatenate(
+        (np.full(400, 0.1), np.full(300, 1.0), np.geomspace(1.0, 0.1, 1000), np.full(1500, 0.1))
+    )
+    for seed in range(2):
+        reports = run(measured(len(std), std, 60 + seed))
+
+        # THEN it is named while it lasts, and the sensor is healthy again in the end
+        assert first(reports, Kind.NOISE, 400) > 0
+        assert reports["fault"][900, 0] == Kind.NOISE
+        assert (reports["fault"][-500:, 0] == Kind.NONE).all()
+        assert (reports["health"][-500:, 0] == Health.HEALTHY).all()
 
 
 def test_a_sensor_whose_noise_is_not_to_be_estimated_is_weighed_down_once_it_is_named():

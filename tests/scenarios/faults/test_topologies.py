@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fusiond.demo.injecting import inject_into
+from fusiond.engine.noise_learnt import learnt, recall
 from fusiond.errors import ConfigError
 from fusiond.simulation.registry import simulate
 from fusiond.types import Health, Kind, Verdict
@@ -96,3 +97,39 @@ def test_an_input_that_must_be_done_without_needs_the_compiled_step():
     }  # fmt: skip
     with pytest.raises(ConfigError, match="only the compiled step can do without an input"):
         configured("reference_plant", changes)
+
+
+def noisy(topology):
+    """An engine of the topology, watched and with its noise estimated, and the number of y1."""
+    changes = {"fusion": {"topology": topology}, "faults": FAULTS, "adaptation": {"method": "variational"}}
+    assembly = configured("reference_plant", changes)
+    return assembly, assembly.engine(), assembly.layout.numbers["y1"]
+
+
+@pytest.mark.parametrize("topology", ["federated", "stacked"])
+def test_the_noise_of_a_suspect_stands_still_in_the_topology_too(topology):
+    """While the judge seeks an error in y1, what y1 says widens no R, and the other sensors' are estimated on."""
+    # GIVEN noise that is estimated; WHEN y1 is off by 3 sigma, found at once but sought for a while
+    assembly, engine, y1 = noisy(topology)
+    readings, still = told(assembly, f"y1.bias=3@{ONSET_S}"), 0
+    for k in range(len(readings)):
+        before = engine.track[0]["noise"]["trusted"][:, y1].copy()
+        engine.process(readings[k : k + 1])
+        frozen = engine.judging.track[0]["noise"]["frozen"]
+
+        # THEN both engines hold the same sensors' noise, and y1's is as it was
+        assert np.array_equal(engine.track[0]["noise"]["frozen"], frozen)
+        if frozen[y1] and readings["sensor"][k] == y1:
+            assert np.array_equal(engine.track[0]["noise"]["trusted"][:, y1], before)
+            still += 1
+    assert still > 0
+
+
+def test_who_judges_begins_with_the_noise_known_from_before():
+    """After a restart the judge holds noise four times as large as declared for what it always was."""
+    assembly, engine, y1 = noisy("federated")
+    known = {"y1": {"trusted": [4.0], "slow": [4.0]}}
+    recall(engine, known)
+    engine.process(told(assembly)[:2])
+    assert engine.judging.track[0]["noise"]["slow"][y1, 0] == pytest.approx(4.0, rel=0.1)
+    assert learnt(engine)["y1"]["slow"] == [engine.judging.track[0]["noise"]["slow"][y1, 0]]
