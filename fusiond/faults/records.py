@@ -31,8 +31,8 @@ def monitor_dtype(
     held: how often a value held between fixes was repeated;   held_longest: the most of that so far.
     garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
     its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from
-    it since the last entry, in such variances, and how many were odd.   shadow: (s, 3) evidence that an excluded sensor
-    has healed.
+    it since the last entry, in such variances, and how many were odd;   away, away_count: sum of these deviations, and
+    how many.   shadow: (s, 3) evidence that an excluded sensor has healed.
     """
     n, s, m, c = errors, sensors, payload, cells
     return packed([
@@ -43,7 +43,8 @@ def monitor_dtype(
         ("variance", "<f8", (s, 2)), ("pooled", "<f8", (2,)), ("white", "<f8", (s, 2)), ("last_e", "<f8", (s, m)),
         ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
         ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("usual_var", "<f8", (s, m)),
-        ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
+        ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("away", "<f8", (inputs,)),
+        ("away_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
         ("run_h", "<f8", (s, m)), ("held", "<i8", (s,)), ("held_longest", "<i8", (s,)), ("shadow", "<f8", (s, 3)),
     ])  # fmt: skip
 

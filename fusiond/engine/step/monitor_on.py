@@ -83,7 +83,9 @@ def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> No
             line.B[i, j] = monitor.carried[i, ERRORS + j]
     for j in range(INPUTS):
         line.odd[j], line.odd_count[j] = monitor.odd[j], monitor.odd_count[j]
+        line.away[j] = monitor.away[j] / max(monitor.away_count[j], 1)
         monitor.odd[j], monitor.odd_count[j] = 0.0, 0
+        monitor.away[j], monitor.away_count[j] = 0.0, 0
     monitor.entries += 1
 
 
@@ -177,11 +179,13 @@ def take_for_usual(track: Any, sensor: int, value: float) -> None:
 
 
 @kernel
-def note_oddity(track: Any, design: Any, sensor: int, channel: int, square: float) -> None:
+def note_oddity(track: Any, design: Any, sensor: int, channel: int, away: float, square: float) -> None:
     """Keep how far an input was from what it usually is since the last entry."""
     monitor, number = track.monitor, design.drives[sensor, channel]
     if number >= 0:
         monitor.odd[number] = max(monitor.odd[number], square)
+        monitor.away[number] += away
+        monitor.away_count[number] += 1
         if square > ODD * ODD:
             monitor.odd_count[number] += 1
 
@@ -197,7 +201,7 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
             monitor.usual_var[sensor, i] = design.R[sensor, i]
         away, variance = reading.z[i] - monitor.usual[sensor, i], monitor.usual_var[sensor, i]
         square = away * away / variance if variance > 0.0 else 0.0
-        note_oddity(track, design, sensor, i, square)
+        note_oddity(track, design, sensor, i, away, square)
         monitor.usual[sensor, i] += share * away
         # what is odd tells little of what is usual, but for ever it cannot stay odd
         monitor.usual_var[sensor, i] += share * variance * (min(square, ODD * ODD) - 1.0)
