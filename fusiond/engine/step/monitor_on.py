@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fusiond.engine.records import CENTRAL
 from fusiond.faults.window import ODD
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Alarm, Role
@@ -19,7 +20,7 @@ from .spread_tests import FROZEN, ask, clear_tests, moved, test_frozen, test_sca
 
 __all__ = [
     "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
-    "is_excluded", "note_held", "note_input", "note_unusable", "undelay",
+    "gate_of", "is_excluded", "note_gate", "note_held", "note_input", "note_unusable", "undelay",
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
@@ -35,6 +36,8 @@ SHORTEST_S = 1e-4
 """A missing input's noise is spread over no shorter an interval."""
 SHORTEST_HOLD, HELD_LONGER = 2, 3
 """A value may be held three times as long as it ever was, and for six readings at least."""
+LOCKED = 64
+"""Readings of a sensor that the gate refuses in a row: as many as a judgement has of the slowest sensor."""
 LARGEST_SLOW = 3.0
 """An innovation this many deviations large, or larger, counts as this in the slow variance."""
 
@@ -173,6 +176,25 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
+def gate_of(track: Any, design: Any, row: int, sensor: int) -> float:
+    """The gate, which opens after LOCKED refusals of the primary filter in a row, until a reading would pass it.
+
+    A gate is for what lasts shorter than a judgement. Whoever is refused for longer and still not found at fault is
+    right more often than the estimate that refuses it, and a gate that stays shut could never learn so.
+    """
+    if row == CENTRAL and track.monitor.refused[sensor] >= LOCKED:
+        return 0.0
+    return float(design.tests.gate[sensor])
+
+
+@kernel
+def note_gate(track: Any, design: Any, sensor: int, nis: float) -> None:
+    """Count the readings in a row that are beyond the gate."""
+    beyond = nis > design.tests.gate[sensor] > 0.0
+    track.monitor.refused[sensor] = track.monitor.refused[sensor] + 1 if beyond else 0
+
+
+@kernel
 def take_for_usual(track: Any, sensor: int, value: float) -> None:
     """What an input of one number is taken to be while it is out."""
     track.monitor.usual[sensor, 0] = value
@@ -248,6 +270,7 @@ def forget_all(track: Any, desk: Any) -> None:
     forget_interval(track)
     monitor, reaction = track.monitor, track.reaction
     monitor.shadow[:] = 0.0
+    monitor.refused[:] = 0
     monitor.rate[:] = 0.0
     monitor.entries = 0
     reaction.excluded[:] = 0
@@ -256,6 +279,9 @@ def forget_all(track: Any, desk: Any) -> None:
     reaction.from_ns[:] = 0
     reaction.to_ns[:] = 0
     reaction.noise_excess[:] = 0.0
+    reaction.revisions[:] = 0
+    reaction.barred_ns[:] = 0
+    reaction.barred[:] = 0
     reaction.health[:] = 0
     reaction.kind[:] = 0
     reaction.suspects[:] = 0
