@@ -1,8 +1,9 @@
 """What the estimator does about a fault: every decision written into the track and all its snapshots.
 
-Exclusion. Where a leave-one-out filter exists, it takes the place of all filters that heard the sensor, in every
-snapshot, and the last readings are replayed without it, so that new leave-one-out filters have settled and a second
-fault that began meanwhile is not in them. Without one, the readings since the onset are replayed without the sensor.
+Exclusion. Where a leave-one-out filter exists that is not itself astray, it takes the place of all filters that heard
+the sensor, in every snapshot, and the last readings are replayed without it, so that new leave-one-out filters have
+settled and a second fault that began meanwhile is not in them. Without one, the readings since the onset are replayed
+without the sensor.
 
 Correction. Readings from the onset on are used with the error found taken off; its uncertainty is added to the
 estimate along the direction in which such an error moves it (Friedland 1969), and added once more when it ends.
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 SETTLED = 0.4
 """Share of the window, before the onset, from which leave-one-out filters are made anew after an exclusion."""
+ASTRAY = 8
+"""Readings in a row that a filter's gate has refused: it does not know where it is, and takes nobody's place."""
 OWN = ("x", "U", "d", "filter_t_ns")
 """Fields of the track that belong to one filter."""
 
@@ -214,7 +217,12 @@ class Reactions:
     def exclude(self, sensor: int, onset: int, shadow_size: NDArray[np.float64]) -> None:
         """Stop using the sensor."""
         rows, name = self._layout.filters, self._layout.sensors[sensor].name
-        clean = [k for k, row in enumerate(rows) if row.hears == "without" and row.sensor == name]
+        refused = self.engine.track[0]["monitor"]["refused"].max(axis=1)
+        clean = [
+            k
+            for k, row in enumerate(rows)
+            if row.hears == "without" and row.sensor == name and refused[k] < ASTRAY
+        ]
         others = [k for k, row in enumerate(rows) if row.hears != "only" and k not in clean]
         self.write("excluded", 1, sensor)
         self.write("until_ns", 0, sensor)

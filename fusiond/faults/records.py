@@ -13,7 +13,7 @@ from fusiond.numerics.packed import packed
 
 
 def monitor_dtype(
-    *, states: int, errors: int, inputs: int, sensors: int, payload: int, cells: int
+    *, states: int, errors: int, inputs: int, sensors: int, payload: int, cells: int, filters: int = 1
 ) -> np.dtype[Any]:
     """State of every test on the innovations of the primary filter.
 
@@ -32,8 +32,8 @@ def monitor_dtype(
     garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
     its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from
     it since the last entry, in such variances, and how many were odd;   away, away_count: sum of these deviations, and
-    how many.   refused: readings of a sensor in a row that the gate refused.   shadow: (s, 3) evidence that an excluded
-    sensor has healed.
+    how many.   refused: (filters, s) readings of a sensor in a row that the gate of each filter refused.
+    shadow: (s, 3) evidence that an excluded sensor has healed.
     """
     n, s, m, c = errors, sensors, payload, cells
     return packed([
@@ -46,8 +46,8 @@ def monitor_dtype(
         ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("usual_var", "<f8", (s, m)),
         ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("away", "<f8", (inputs,)),
         ("away_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
-        ("run_h", "<f8", (s, m)), ("held", "<i8", (s,)), ("held_longest", "<i8", (s,)), ("refused", "<i8", (s,)),
-        ("shadow", "<f8", (s, 3)),
+        ("run_h", "<f8", (s, m)), ("held", "<i8", (s,)), ("held_longest", "<i8", (s,)),
+        ("refused", "<i8", (filters, s)), ("shadow", "<f8", (s, 3)),
     ])  # fmt: skip
 
 

@@ -42,14 +42,8 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
-def gate_of(track: Any, design: Any, row: int, sensor: int) -> float:
-    """Largest nis of the sensor that filter `row` lets pass; 0: any."""
-    return float(design.tests.gate[sensor])
-
-
-@kernel
-def note_gate(track: Any, design: Any, sensor: int, nis: float) -> None:
-    """The primary filter has compared a reading of the sensor with itself."""
+def note_gate(track: Any, design: Any, row: int, sensor: int, nis: float) -> None:
+    """Filter `row` has compared a reading of the sensor with itself."""
 
 
 @kernel

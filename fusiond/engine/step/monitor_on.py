@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.engine.records import CENTRAL
 from fusiond.faults.window import ODD
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Alarm, Role
@@ -20,7 +19,7 @@ from .spread_tests import FROZEN, ask, clear_tests, moved, test_frozen, test_sca
 
 __all__ = [
     "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
-    "gate_of", "is_excluded", "note_gate", "note_held", "note_input", "note_unusable", "undelay",
+    "is_excluded", "note_gate", "note_held", "note_input", "note_unusable", "undelay",
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
@@ -176,22 +175,21 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
-def gate_of(track: Any, design: Any, row: int, sensor: int) -> float:
-    """The gate, which opens after LOCKED refusals of the primary filter in a row, until a reading would pass it.
+def note_gate(track: Any, design: Any, row: int, sensor: int, nis: float) -> None:
+    """Count the readings in a row that the gate of filter `row` refuses; after LOCKED it was too sure of itself.
 
     A gate is for what lasts shorter than a judgement. Whoever is refused for longer and still not found at fault is
-    right more often than the estimate that refuses it, and a gate that stays shut could never learn so.
+    right more often than the filter that refuses it, and a gate that stays shut could never learn so. The covariance is
+    scaled to what its innovation shows until one passes (fading, as of a strong tracking filter, Zhou & Frank 1996).
     """
-    if row == CENTRAL and track.monitor.refused[sensor] >= LOCKED:
-        return 0.0
-    return float(design.tests.gate[sensor])
-
-
-@kernel
-def note_gate(track: Any, design: Any, sensor: int, nis: float) -> None:
-    """Count the readings in a row that are beyond the gate."""
-    beyond = nis > design.tests.gate[sensor] > 0.0
-    track.monitor.refused[sensor] = track.monitor.refused[sensor] + 1 if beyond else 0
+    monitor = track.monitor
+    if not nis > design.tests.gate[sensor] > 0.0:
+        monitor.refused[row, sensor] = 0
+        return
+    monitor.refused[row, sensor] += 1
+    if monitor.refused[row, sensor] >= LOCKED and np.isfinite(nis):
+        for j in range(ERRORS):
+            track.d[row, j] *= nis / design.dof[sensor]
 
 
 @kernel

@@ -14,7 +14,7 @@ from fusiond.types import Verdict
 from .adapt import declared_variance, fuse_channel, prepare, root_of, scale_slowly, trust
 from .guard import begin_learning, forget_learning, note_learning
 from .inject import settle
-from .monitor import after_look, after_update, before_update, gate_of, note_gate, undelay
+from .monitor import after_look, after_update, before_update, note_gate, undelay
 from .observe import observe
 from .pending import keep_pending, put_back_pending
 from .predict import predict
@@ -150,7 +150,7 @@ def correct(track: Any, design: Any, work: Any, row: int, reading: Any, out: boo
     Args:
         out: the sensor is excluded: compare its reading with the filter, and leave the filter as it was.
     """
-    dof, gate = design.dof[reading.sensor], gate_of(track, design, row, reading.sensor)
+    dof, gate = design.dof[reading.sensor], design.tests.gate[reading.sensor]
     meet(track, design, work, row, reading, report)
     gated = gate > 0.0
     if gated or out:
@@ -159,6 +159,8 @@ def correct(track: Any, design: Any, work: Any, row: int, reading: Any, out: boo
     used = not out and (not gated or nis <= gate)
     if not used:
         put_back(track, work, row)
+    if not out:
+        note_gate(track, design, row, reading.sensor, nis)
     if row != CENTRAL:
         return
     report.nis = nis
@@ -172,5 +174,4 @@ def correct(track: Any, design: Any, work: Any, row: int, reading: Any, out: boo
     if out:
         after_look(track, design, work, reading)
     else:
-        note_gate(track, design, reading.sensor, nis)
         after_update(track, design, work, reading, used)
