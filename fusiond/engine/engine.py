@@ -193,6 +193,11 @@ class Engine:
             covariance = F @ covariance @ F.T + self.track[0]["pending_Q"][row]
         return covariance
 
+    def initial_covariance(self) -> NDArray[np.float64]:
+        """(n, n) what a track begins with."""
+        U = np.triu(self._design[0]["U0"], 1) + np.eye(self.layout.shape.errors)
+        return np.asarray((U * self._design[0]["d0"]) @ U.T)
+
     @property
     def angles(self) -> NDArray[np.bool_]:
         """(states,) whether a state is an angle, rad."""

@@ -32,7 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
-from fusiond.engine.reactions import LASTING, Reactions
+from fusiond.engine.reactions import Reactions
+from fusiond.engine.revising import is_corrected, take_off
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -61,8 +62,6 @@ RELAPSES = 6
 """Relapses after which waiting grows no longer."""
 SINGLE = 2
 """Odd readings of an input that are a spike, which changes no flag; more are a fault."""
-SURE = 3.0
-"""Standard deviations within which a remaining error is none."""
 BEYOND = 2.0
 """Standard deviations by which an error must exceed what is tolerated."""
 LARGEST_NOISE = 100.0
@@ -140,8 +139,7 @@ class Judge:
             if age > 0:
                 reactions.suspect(finding.sensors)
         elif finding.outcome is Outcome.MODEL:
-            reactions.write("model", 1)
-            desk["review_at"] = entries + self.layout.shape.window
+            self._blame_model(reactions)
         elif finding.outcome is Outcome.AMBIGUOUS or (undecided and len(finding.sensors) > 1):
             reactions.cover(finding)
             reactions.recall_noise(finding.sensors, finding.fit.onset if finding.fit else 0)
@@ -239,17 +237,22 @@ class Judge:
         if kind is Kind.NOISE:
             self._weigh_down(reactions, fit)
             return
-        known = reactions.reaction["kind"]
+        kept = []
         for sensor in fit.place:
-            if known[sensor] in LASTING and reactions.reaction["health"][sensor] == Health.FAULTY:
-                self._revise(reactions, sensor, fit, kind)
-            elif self._excludable(reactions, sensor, fit.place):
+            if not is_corrected(reactions, sensor) and self._excludable(reactions, sensor, fit.place):
                 reactions.name(sensor, fit, kind, Health.EXCLUDED)
                 self._send_out(reactions, sensor, fit)
             else:
-                reactions.name(sensor, fit, kind, Health.FAULTY)
-                reactions.take_off(sensor, fit, kind)
-        reactions.replay()
+                kept.append(sensor)
+        if not kept:
+            reactions.replay()
+        elif not take_off(reactions, tuple(kept), fit, kind):
+            self._blame_model(reactions)
+
+    def _blame_model(self, reactions: Reactions) -> None:
+        """No sensor's fault explains the innovations: touch none, and look again after a window."""
+        reactions.write("model", 1)
+        reactions.engine.desk[0]["review_at"] = reactions.entries + self.layout.shape.window
 
     def _burst(self, reactions: Reactions, fit: Fit) -> None:
         """A spike of a sensor has been gated; one of an input is taken out, and a long one tells of its sensor."""
@@ -291,19 +294,6 @@ class Judge:
         """How long an excluded input waits: it cannot show that an error has gone, but that it sends numbers again."""
         unusable = reactions.reaction["kind"][sensor] in (Kind.STUCK, Kind.GARBAGE, Kind.SPIKE)
         return self._wait_ns(reactions, sensor, PROBATION_S if unusable else RETRY_S)
-
-    def _revise(self, reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> None:
-        """A sensor used with its error taken off errs anew: it has healed, or the error is another one."""
-        left, std = reactions.left_over(sensor, fit, kind)
-        slack = 0.0 if kind in (Kind.SCALE, Kind.DELAY) else reactions.noise(sensor)
-        if kind in LASTING and abs(left) < SURE * std + slack:
-            reactions.end_correction(sensor, fit)
-            reactions.clear(sensor)
-        else:
-            reactions.take_off(sensor, fit, kind)
-            reactions.name(sensor, fit, kind, Health.FAULTY)
-            if kind in LASTING:
-                reactions.write("size", reactions.total(sensor, kind), sensor)
 
     def _weigh_down(self, reactions: Reactions, fit: Fit) -> None:
         """The sensor is noisier, or quieter again, than was thought: use the noise it has.

@@ -1,8 +1,9 @@
 """What the estimator does about a fault: every decision written into the track and all its snapshots.
 
-Exclusion. Where a leave-one-out filter exists, it takes the place of all filters that heard the sensor, in every
-snapshot, and the last readings are replayed without it, so that new leave-one-out filters have settled and a second
-fault that began meanwhile is not in them. Without one, the readings since the onset are replayed without the sensor.
+Exclusion. Where a leave-one-out filter exists that is not itself astray, it takes the place of all filters that heard
+the sensor, in every snapshot, and the last readings are replayed without it, so that new leave-one-out filters have
+settled and a second fault that began meanwhile is not in them. Without one, the readings since the onset are replayed
+without the sensor.
 
 Correction. Readings from the onset on are used with the error found taken off; its uncertainty is added to the
 estimate along the direction in which such an error moves it (Friedland 1969), and added once more when it ends.
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.engine.correction import CORRECTIONS, LASTING, put_on
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -31,9 +33,8 @@ if TYPE_CHECKING:
 
 SETTLED = 0.4
 """Share of the window, before the onset, from which leave-one-out filters are made anew after an exclusion."""
-LASTING = (Kind.BIAS, Kind.DRIFT, Kind.SCALE, Kind.DELAY)
-"""Errors that can be taken off a reading."""
-CORRECTIONS = {Kind.BIAS: "offset", Kind.DRIFT: "drift", Kind.SCALE: "gain_error", Kind.DELAY: "lag"}
+ASTRAY = 8
+"""Readings in a row that a filter's gate has refused: it does not know where it is, and takes nobody's place."""
 OWN = ("x", "U", "d", "filter_t_ns")
 """Fields of the track that belong to one filter."""
 
@@ -55,6 +56,7 @@ class Reactions:
         self._layout = engine.layout
         self._since_ns: int | None = None
         self._widened: list[tuple[int, int, float]] = []
+        self._doubted = False
 
     def noise(self, sensor: int) -> float:
         """The smallest declared deviation among the sensor's channels, in its unit."""
@@ -97,6 +99,10 @@ class Reactions:
             self.engine.replay_since(self._since_ns)
         for sensor, channel, std in self._widened:
             self._widen(sensor, channel, std)
+        if self._doubted:
+            for row in range(len(self._layout.filters)):
+                widen(self.engine, row, self.engine.initial_covariance())
+        self._since_ns, self._widened, self._doubted = None, [], False
         # What an excluded sensor said before it was excluded is no plea for its return.
         monitor = self.engine.track[0]["monitor"]
         monitor["shadow"][list(self.out())] = 0.0
@@ -211,7 +217,12 @@ class Reactions:
     def exclude(self, sensor: int, onset: int, shadow_size: NDArray[np.float64]) -> None:
         """Stop using the sensor."""
         rows, name = self._layout.filters, self._layout.sensors[sensor].name
-        clean = [k for k, row in enumerate(rows) if row.hears == "without" and row.sensor == name]
+        refused = self.engine.track[0]["monitor"]["refused"].max(axis=1)
+        clean = [
+            k
+            for k, row in enumerate(rows)
+            if row.hears == "without" and row.sensor == name and refused[k] < ASTRAY
+        ]
         others = [k for k, row in enumerate(rows) if row.hears != "only" and k not in clean]
         self.write("excluded", 1, sensor)
         self.write("until_ns", 0, sensor)
@@ -262,7 +273,7 @@ class Reactions:
             for one in part:
                 if one.sensor == sensor:
                     channel = self._channel(one)
-                    now[CORRECTIONS[kind]][channel] += float(fit.size[k])
+                    put_on(now, kind, channel, float(fit.size[k]))
                     if kind is Kind.BIAS and not one.is_input:
                         self._widened.append((sensor, channel, float(np.sqrt(fit.covariance[k, k]))))
         for field, value in now.items():
@@ -298,6 +309,14 @@ class Reactions:
         self._widened.append((sensor, channel, float(self.reaction["size_std"][sensor])))
         self.since(fit.onset)
 
+    def stop_correcting(self, sensor: int, onset: int) -> None:
+        """Believe the readings as they are from an entry on, and let the estimate return to where they are."""
+        taken = self._next_correction(sensor, self.onset_ns(onset))["offset"]
+        self._write_correction("from_ns", 0, sensor)
+        self._widened += [(sensor, channel, abs(float(size))) for channel, size in enumerate(taken) if size]
+        self._doubted = True
+        self.since(onset)
+
     def left_over(self, sensor: int, fit: Fit, kind: Kind) -> tuple[float, float]:
         """The error that would remain if the fit's were added to the one taken off, and its deviation.
 
@@ -320,7 +339,9 @@ class Reactions:
         taken += float(self.reaction["drift"][sensor, 1, channel]) * since_s
         if self.reaction["kind"][sensor] == Kind.DRIFT:
             known *= since_s
-        return taken + (size if kind is Kind.BIAS else 0.0), float(np.hypot(known, np.sqrt(variance)))
+        gain = 1.0 + float(self.reaction["gain_error"][sensor, 1, channel])
+        left = taken + (gain * size if kind is Kind.BIAS else 0.0)
+        return left, float(np.hypot(known, gain * np.sqrt(variance)))
 
     def total(self, sensor: int, kind: Kind) -> float:
         """All that is taken off the sensor's readings now, of one kind: its size as it is told."""
@@ -338,15 +359,15 @@ class Reactions:
         g = response.carried[:, columns].sum(axis=1) * std
         for row, filtered in enumerate(self._layout.filters):
             if filtered.hears in ("all", "level"):
-                widen(self.engine, row, g)
+                widen(self.engine, row, np.outer(g, g))
 
 
-def widen(engine: Engine, row: int, g: NDArray[np.float64]) -> None:
-    """Add g g' to the covariance of one filter, with what is pending of it; as it was where that has no factors.
+def widen(engine: Engine, row: int, more: NDArray[np.float64]) -> None:
+    """Add (n, n) to the covariance of one filter, with what is pending of it; as it was where that has no factors.
 
     Law: tests/laws/test_covariance_rate.py::test_a_widened_covariance_is_that_of_the_full_rate.
     """
-    P = engine.covariance(row) + np.outer(g, g)
+    P = engine.covariance(row) + more
     U, d = np.eye(len(P)), np.zeros(len(P))
     if interpreted(ud_factor)(P, U, d, 1e-9):
         engine.track[0]["U"][row], engine.track[0]["d"][row] = U, d

@@ -93,6 +93,7 @@ class Shape:
             sensors=self.sensors if watched else 1,
             payload=self.payload if watched else 1,
             cells=self.cells,
+            filters=self.filters if watched else 1,
         )
 
 

@@ -16,6 +16,8 @@ from fusiond.types import Kind
 
 MOST_ODD = 25.0
 """However odd, an input's reading speaks for a burst by no more than this: machines are hit, too."""
+UNSURE = 0.5
+"""Share of a burst's size that its readings leave open: the input was not quite at its usual value meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,12 +168,31 @@ def burst_of(ground: Ground, hypothesis: Hypothesis) -> Integers:
 
 
 def oddity(ground: Ground, hypothesis: Hypothesis, onset: int) -> float:
-    """Log likelihood by which an input's own readings speak for a burst that begins there; 0 for everything else."""
+    """Log likelihood by which an input's own readings speak for a burst that begins there; 0 for everything else.
+
+    They say how large it would be: as far as they were from what is usual. Where the innovations contradict that, the
+    input did move, however oddly; and what they do not bear out has no more than their own weight.
+    """
     if hypothesis.kind is not Kind.SPIKE or not ground.is_input:
         return 0.0
     entries = ground.entries[burst_of(ground, hypothesis) == onset]
     square = float(np.max(ground.response.odd[entries, hypothesis.parts[0][0].channel], initial=0.0))
-    return min(0.5 * square, MOST_ODD)
+    borne_out = burst_likelihood(ground, hypothesis, onset)
+    return min(0.5 * square, MOST_ODD, borne_out) if borne_out > 0.0 else borne_out
+
+
+def burst_likelihood(ground: Ground, hypothesis: Hypothesis, onset: int) -> float:
+    """Log likelihood ratio of the innovations for a burst of the size its readings say, against none.
+
+    With P the deviations of the readings from what is usual, w = X P, a = w'w, b = w'e, and the true size c P,
+    c ~ N(1, v): [b^2 v + 2 b - a] / (2 (1 + a v)) - ln(1 + a v) / 2.
+    """
+    number = hypothesis.parts[0][0].channel
+    in_run = (burst_of(ground, hypothesis) == onset)[ground.at]
+    away = np.where(in_run, ground.response.away[ground.entries[ground.at], number], 0.0)
+    P = away * weights(ground, hypothesis.kind, hypothesis.parts[0])
+    a, b, v = float(P @ ground.gram @ P), float(P @ ground.matched), UNSURE**2
+    return (b * b * v + 2.0 * b - a) / (2.0 * (1.0 + a * v)) - 0.5 * float(np.log1p(a * v))
 
 
 def _sum_vector(kind: Kind, matched: Vector, t_s: Vector) -> Vector:

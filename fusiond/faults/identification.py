@@ -78,7 +78,7 @@ def _sizes(fit: Fit, weight: Vector) -> tuple[Vector, Vector]:
     spread: Matrix = np.diagonal(np.linalg.pinv(a[likely], hermitian=True), axis1=1, axis2=2)
     weight = weight[likely] / np.sum(weight[likely])
     mean = weight @ sizes[likely]
-    return mean, np.sqrt(weight @ (spread + (sizes[likely] - mean) ** 2))
+    return mean, np.sqrt(np.maximum(weight @ (spread + (sizes[likely] - mean) ** 2), 0.0))
 
 
 def settled(fit: Fit) -> Fit:

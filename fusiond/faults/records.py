@@ -13,7 +13,7 @@ from fusiond.numerics.packed import packed
 
 
 def monitor_dtype(
-    *, states: int, errors: int, inputs: int, sensors: int, payload: int, cells: int
+    *, states: int, errors: int, inputs: int, sensors: int, payload: int, cells: int, filters: int = 1
 ) -> np.dtype[Any]:
     """State of every test on the innovations of the primary filter.
 
@@ -31,8 +31,9 @@ def monitor_dtype(
     held: how often a value held between fixes was repeated;   held_longest: the most of that so far.
     garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
     its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from
-    it since the last entry, in such variances, and how many were odd.   shadow: (s, 3) evidence that an excluded sensor
-    has healed.
+    it since the last entry, in such variances, and how many were odd;   away, away_count: sum of these deviations, and
+    how many.   refused: (filters, s) readings of a sensor in a row that the gate of each filter refused.
+    shadow: (s, 3) evidence that an excluded sensor has healed.
     """
     n, s, m, c = errors, sensors, payload, cells
     return packed([
@@ -43,8 +44,10 @@ def monitor_dtype(
         ("variance", "<f8", (s, 2)), ("pooled", "<f8", (2,)), ("white", "<f8", (s, 2)), ("last_e", "<f8", (s, m)),
         ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
         ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("usual_var", "<f8", (s, m)),
-        ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
-        ("run_h", "<f8", (s, m)), ("held", "<i8", (s,)), ("held_longest", "<i8", (s,)), ("shadow", "<f8", (s, 3)),
+        ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("away", "<f8", (inputs,)),
+        ("away_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
+        ("run_h", "<f8", (s, m)), ("held", "<i8", (s,)), ("held_longest", "<i8", (s,)),
+        ("refused", "<i8", (filters, s)), ("shadow", "<f8", (s, 3)),
     ])  # fmt: skip
 
 
@@ -81,8 +84,9 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
     excluded: its readings from out_from_ns to until_ns (0: for good) correct nothing.   relapses: how often it has come
     back.   from_ns, to_ns: (s, 2) the error taken off before, and now (0: none; 0: for good): offset, drift (per
     second since from_ns), gain_error (a factor less one) and lag, s.   noise_excess: its R is this much larger, a
-    factor less one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return.
-    model: 1 while the model, not a sensor, is thought wrong.
+    factor less one.   revisions: how often its error became another one;   barred_ns, barred: until when nothing is
+    taken off it, and how often that was so.   shadow_size: bias, in the channel's unit, that would still be a fault
+    when it asks to return.   model: 1 while the model, not a sensor, is thought wrong.
     """
     s, m = sensors, payload
     return packed([
@@ -91,6 +95,7 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
         ("excluded", "<i8", (s,)), ("out_from_ns", "<i8", (s,)), ("until_ns", "<i8", (s,)),
         ("relapses", "<i8", (s,)), ("from_ns", "<i8", (s, 2)), ("to_ns", "<i8", (s, 2)), ("offset", "<f8", (s, 2, m)),
         ("drift", "<f8", (s, 2, m)), ("gain_error", "<f8", (s, 2, m)), ("lag", "<f8", (s, 2, m)),
-        ("noise_excess", "<f8", (s,)),
+        ("noise_excess", "<f8", (s,)), ("revisions", "<i8", (s,)),
+        ("barred_ns", "<i8", (s,)), ("barred", "<i8", (s,)),
         ("shadow_size", "<f8", (s, m)), ("model", "<i8"),
     ])  # fmt: skip

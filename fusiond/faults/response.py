@@ -65,7 +65,8 @@ class Response:
         raw: (W, m) column of an error of each raw channel;   held: (W, k) of each input; -1: none.
         begins, begins_input: (W,) entry that begins the fold an entry is in, of its sensor and of the inputs.
         h, hdot: (W, m) predicted raw reading and its rate, 1/s.   steps: as above.
-        odd: (W, k) largest square of each input's deviations since the entry before;   odd_count: how many were odd.
+        odd: (W, k) largest square of each input's deviations since the entry before;   odd_count: how many were odd;
+            away: the mean of these deviations, in its unit.
         filtered: (E, E) what e and impulses have been through since (`tolerate`); None: nothing.
     """
 
@@ -88,6 +89,7 @@ class Response:
     steps: Steps
     odd: Matrix
     odd_count: Integers
+    away: Matrix
     filtered: Matrix | None = None
 
     def __len__(self) -> int:
@@ -218,5 +220,5 @@ def respond(window: NDArray[Any], inputs: int = 0) -> Response:
     return Response(
         t_ns, (t_ns - t_ns[0]) * 1e-9, sensor, dof, np.repeat(np.arange(len(dof)), dof), e, noise_roots(window),
         X, X.T @ e, phi, columns.raw, columns.held, begins, begins_input, window["h"], window["hdot"], steps,
-        window["odd"], window["odd_count"],
+        window["odd"], window["odd_count"], window["away"],
     )  # fmt: skip

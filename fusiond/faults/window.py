@@ -21,7 +21,8 @@ def window_dtype(errors: int, payload: int, inputs: int) -> np.dtype[Any]:
     own: variance of the noise itself in each, where it is estimated; 0: the gain says it.
     h, hdot: predicted raw reading, and its rate of change (1/s).
     T: (n, n) transition of the error since the entry before;   B: (n, ni) its response to a unit error of each input.
-    odd, odd_count: (ni,) of each input's readings since the entry before, see `monitor_dtype`.
+    odd, odd_count: (ni,) of each input's readings since the entry before, see `monitor_dtype`.   away: their mean
+    deviation from what is usual, in the input's unit.
     """
     n, m = errors, payload
     return packed([
@@ -29,5 +30,5 @@ def window_dtype(errors: int, payload: int, inputs: int) -> np.dtype[Any]:
         ("e", "<f8", (m,)), ("root", "<f8", (m,)), ("H", "<f8", (m, n)), ("K", "<f8", (m, n)), ("D", "<f8", (m, m)),
         ("own", "<f8", (m,)),
         ("h", "<f8", (m,)), ("hdot", "<f8", (m,)), ("T", "<f8", (n, n)), ("B", "<f8", (n, inputs)),
-        ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)),
+        ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("away", "<f8", (inputs,)),
     ])  # fmt: skip

@@ -122,7 +122,7 @@ def test_a_widened_covariance_is_that_of_the_full_rate():
     P = full.covariance()
     g = np.random.default_rng(2).standard_normal(len(P)) * np.sqrt(np.diagonal(P))
     for engine in (full, lagging):
-        widen(engine, 0, g)
+        widen(engine, 0, np.outer(g, g))
         assert scaled(engine.covariance() - (P + np.outer(g, g)), P) < 1e-12
     for engine in (full, lagging):
         engine.process(flown()[flown()["t_ns"] >= 3 * SECOND])

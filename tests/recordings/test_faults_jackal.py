@@ -9,14 +9,11 @@ from fusiond.types import Health
 from tests.recordings.watched import since_s, watched
 
 pytestmark = pytest.mark.recordings("jackal")
-# The wheels' speed steps by up to 0.41 m/s between two readings (20 m/s2), for about a tenth of a second. Only one
-# sensor sees the speed, so what is to pass as motion must be allowed: 2 m/s2 per root hertz is 0.28 m/s an interval.
-HARD = {"acceleration_noise_m_s2_sqrt_hz = 0.3": "acceleration_noise_m_s2_sqrt_hz = 2.0"}
 
 
 @pytest.fixture
 def jackal(log_of):
-    return watched("jackal", log_of("jackal"), HARD)
+    return watched("jackal", log_of("jackal"), {})
 
 
 def test_a_minute_of_driving_is_no_fault(jackal):

@@ -42,6 +42,11 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
+def note_gate(track: Any, design: Any, row: int, sensor: int, nis: float) -> None:
+    """Filter `row` has compared a reading of the sensor with itself."""
+
+
+@kernel
 def take_for_usual(track: Any, sensor: int, value: float) -> None:
     """What an input of one number is taken to be while it is out."""
 

@@ -19,7 +19,7 @@ from .spread_tests import FROZEN, ask, clear_tests, moved, test_frozen, test_sca
 
 __all__ = [
     "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
-    "is_excluded", "note_held", "note_input", "note_unusable", "undelay",
+    "is_excluded", "note_gate", "note_held", "note_input", "note_unusable", "undelay",
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
@@ -35,6 +35,8 @@ SHORTEST_S = 1e-4
 """A missing input's noise is spread over no shorter an interval."""
 SHORTEST_HOLD, HELD_LONGER = 2, 3
 """A value may be held three times as long as it ever was, and for six readings at least."""
+LOCKED = 64
+"""Readings of a sensor that the gate refuses in a row: as many as a judgement has of the slowest sensor."""
 LARGEST_SLOW = 3.0
 """An innovation this many deviations large, or larger, counts as this in the slow variance."""
 
@@ -83,7 +85,9 @@ def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> No
             line.B[i, j] = monitor.carried[i, ERRORS + j]
     for j in range(INPUTS):
         line.odd[j], line.odd_count[j] = monitor.odd[j], monitor.odd_count[j]
+        line.away[j] = monitor.away[j] / max(monitor.away_count[j], 1)
         monitor.odd[j], monitor.odd_count[j] = 0.0, 0
+        monitor.away[j], monitor.away_count[j] = 0.0, 0
     monitor.entries += 1
 
 
@@ -171,17 +175,37 @@ def fall_back(track: Any, design: Any, t_ns: int) -> None:
 
 
 @kernel
+def note_gate(track: Any, design: Any, row: int, sensor: int, nis: float) -> None:
+    """Count the readings in a row that the gate of filter `row` refuses; after LOCKED it was too sure of itself.
+
+    A gate is for what lasts shorter than a judgement. Whoever is refused for longer and still not found at fault is
+    right more often than the filter that refuses it, and a gate that stays shut could never learn so. The covariance is
+    scaled to what its innovation shows until one passes (fading, as of a strong tracking filter, Zhou & Frank 1996).
+    """
+    monitor = track.monitor
+    if not nis > design.tests.gate[sensor] > 0.0:
+        monitor.refused[row, sensor] = 0
+        return
+    monitor.refused[row, sensor] += 1
+    if monitor.refused[row, sensor] >= LOCKED and np.isfinite(nis):
+        for j in range(ERRORS):
+            track.d[row, j] *= nis / design.dof[sensor]
+
+
+@kernel
 def take_for_usual(track: Any, sensor: int, value: float) -> None:
     """What an input of one number is taken to be while it is out."""
     track.monitor.usual[sensor, 0] = value
 
 
 @kernel
-def note_oddity(track: Any, design: Any, sensor: int, channel: int, square: float) -> None:
+def note_oddity(track: Any, design: Any, sensor: int, channel: int, away: float, square: float) -> None:
     """Keep how far an input was from what it usually is since the last entry."""
     monitor, number = track.monitor, design.drives[sensor, channel]
     if number >= 0:
         monitor.odd[number] = max(monitor.odd[number], square)
+        monitor.away[number] += away
+        monitor.away_count[number] += 1
         if square > ODD * ODD:
             monitor.odd_count[number] += 1
 
@@ -197,7 +221,7 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
             monitor.usual_var[sensor, i] = design.R[sensor, i]
         away, variance = reading.z[i] - monitor.usual[sensor, i], monitor.usual_var[sensor, i]
         square = away * away / variance if variance > 0.0 else 0.0
-        note_oddity(track, design, sensor, i, square)
+        note_oddity(track, design, sensor, i, away, square)
         monitor.usual[sensor, i] += share * away
         # what is odd tells little of what is usual, but for ever it cannot stay odd
         monitor.usual_var[sensor, i] += share * variance * (min(square, ODD * ODD) - 1.0)
@@ -244,6 +268,7 @@ def forget_all(track: Any, desk: Any) -> None:
     forget_interval(track)
     monitor, reaction = track.monitor, track.reaction
     monitor.shadow[:] = 0.0
+    monitor.refused[:] = 0
     monitor.rate[:] = 0.0
     monitor.entries = 0
     reaction.excluded[:] = 0
@@ -252,6 +277,9 @@ def forget_all(track: Any, desk: Any) -> None:
     reaction.from_ns[:] = 0
     reaction.to_ns[:] = 0
     reaction.noise_excess[:] = 0.0
+    reaction.revisions[:] = 0
+    reaction.barred_ns[:] = 0
+    reaction.barred[:] = 0
     reaction.health[:] = 0
     reaction.kind[:] = 0
     reaction.suspects[:] = 0

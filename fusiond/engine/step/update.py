@@ -14,7 +14,7 @@ from fusiond.types import Verdict
 from .adapt import declared_variance, fuse_channel, gate_width, prepare, root_of, scale_slowly, trust
 from .guard import begin_learning, forget_learning, note_learning
 from .inject import settle
-from .monitor import after_look, after_update, before_update, undelay
+from .monitor import after_look, after_update, before_update, note_gate, undelay
 from .observe import observe
 from .pending import keep_pending, put_back_pending
 from .predict import predict
@@ -160,6 +160,8 @@ def correct(track: Any, design: Any, work: Any, row: int, reading: Any, out: boo
     used = not out and (not gated or nis <= gate)
     if not used:
         put_back(track, work, row)
+    if not out:
+        note_gate(track, design, row, reading.sensor, nis)
     if row != CENTRAL:
         return
     report.nis = nis

@@ -1,0 +1,108 @@
+"""A sensor that cannot be spared, used with its error taken off: taken off, taken off anew, or no longer.
+
+A lasting error is found once, and what is found later refines it a few times. Where a sensor keeps erring anew no error
+of a lasting shape is there: it wanders, or the model does and the sensor alone tells the truth. Whoever took each of
+these errors off would follow the model anywhere. So after `MOST` of them, or where one did not make the innovations
+smaller, the model is blamed. Nothing that was found by such a model is kept: all readings are believed as they are,
+the estimate is as unsure again as it was at first, so that they lead it back, and nothing is taken off them for a
+while, twice as long each time.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+from fusiond.engine.correction import LASTING, Attempt
+from fusiond.faults.glr import Fit
+from fusiond.types import NANOSECONDS, Health, Kind
+
+if TYPE_CHECKING:
+    from fusiond.engine.reactions import Reactions
+
+MOST = 4
+"""Times a sensor's error may become another one before the sensor is believed as it is."""
+BAR_S = 30.0
+"""Shortest time for which nothing is taken off then; doubled each time."""
+RELAPSES = 6
+"""Times after which it grows no longer."""
+SURE = 3.0
+"""Standard deviations within which a remaining error is none."""
+
+
+class Taken(IntEnum):
+    """What became of an error that was found."""
+
+    OFF = 0
+    NO_MORE = 1
+    """the sensor has healed"""
+    NOT = 2
+    """the readings are believed as they are"""
+
+
+def take_off(reactions: Reactions, sensors: tuple[int, ...], fit: Fit, kind: Kind) -> bool:
+    """Use sensors with the error found taken off, and replay.
+
+    Returns: whether that holds; False where nothing is taken off, or it was withdrawn as it made matters worse.
+    """
+    attempt = Attempt(reactions.engine, sensors, reactions.onset_ns(fit.onset))
+    revised = [sensor for sensor in sensors if is_corrected(reactions, sensor)]
+    done = [(_revise if sensor in revised else _first)(reactions, sensor, fit, kind) for sensor in sensors]
+    reactions.replay()
+    if Taken.OFF not in done or attempt.helped:
+        return Taken.NOT not in done
+    attempt.withdraw()
+    if revised:
+        _give_up(reactions, fit)
+        reactions.replay()
+    return False
+
+
+def is_corrected(reactions: Reactions, sensor: int) -> bool:
+    """Whether an error of the sensor is taken off already."""
+    reaction = reactions.reaction
+    return bool(reaction["health"][sensor] == Health.FAULTY and reaction["kind"][sensor] in LASTING)
+
+
+def _first(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
+    """Take the first error of a sensor off, unless that has led nowhere lately."""
+    if reactions.now_ns < int(reactions.reaction["barred_ns"][sensor]):
+        reactions.name(sensor, fit, kind, Health.SUSPECT)
+        return Taken.NOT
+    reactions.name(sensor, fit, kind, Health.FAULTY)
+    reactions.write("revisions", 0, sensor)
+    reactions.take_off(sensor, fit, kind)
+    return Taken.OFF
+
+
+def _revise(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
+    """A sensor used with its error taken off errs anew: it has healed, the error is another one, or there is none."""
+    left, std = reactions.left_over(sensor, fit, kind)
+    slack = 0.0 if kind in (Kind.SCALE, Kind.DELAY) else reactions.noise(sensor)
+    if abs(left) < SURE * std + slack:
+        reactions.end_correction(sensor, fit)
+        reactions.clear(sensor)
+        return Taken.NO_MORE
+    count = int(reactions.reaction["revisions"][sensor]) + 1
+    reactions.write("revisions", count, sensor)
+    if count > MOST:
+        _give_up(reactions, fit)
+        return Taken.NOT
+    reactions.take_off(sensor, fit, kind)
+    reactions.name(sensor, fit, kind, Health.FAULTY)
+    reactions.write("size", reactions.total(sensor, kind), sensor)
+    return Taken.OFF
+
+
+def _give_up(reactions: Reactions, fit: Fit) -> None:
+    """Believe all readings as they are from the fit's onset on, and bar those that were corrected from correction."""
+    corrected = [
+        sensor for sensor in range(len(reactions.reaction["health"])) if is_corrected(reactions, sensor)
+    ]
+    for sensor in corrected:
+        times = min(int(reactions.reaction["barred"][sensor]), RELAPSES)
+        reactions.write("barred_ns", reactions.now_ns + int(BAR_S * 2.0**times * NANOSECONDS), sensor)
+        reactions.write("barred", times + 1, sensor)
+        reactions.stop_correcting(sensor, fit.onset)
+        reactions.clear(sensor)
+        reactions.write("health", Health.SUSPECT, sensor)
