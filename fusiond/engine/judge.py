@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import LASTING, Reactions
+from fusiond.engine.refine import goes_on, is_watched, plan, refine, refine_one, watch
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -170,7 +171,7 @@ class Judge:
         fit = finding.fit
         if fit is None or fit.ground.is_input or fit.kind is not Kind.SPIKE:
             return False
-        entry = reactions.entries - len(reactions.window) + fit.onset
+        entry = reactions.entries - reactions.age_of(fit.onset)
         return entry < int(reactions.engine.desk[0]["case_at"])
 
     def _matters(self, reactions: Reactions, finding: Finding) -> bool:
@@ -239,14 +240,22 @@ class Judge:
         known = reactions.reaction["kind"]
         for sensor in fit.place:
             if known[sensor] in LASTING and reactions.reaction["health"][sensor] == Health.FAULTY:
-                self._revise(reactions, sensor, fit, kind)
+                if not (is_watched(reactions, sensor) and self._is_another(reactions, sensor)):
+                    self._revise(reactions, sensor, fit, kind)
+                    watch(reactions, sensor, 0.0)
             elif self._excludable(reactions, sensor, fit.place):
-                reactions.name(sensor, fit, kind, Health.EXCLUDED)
+                found = reactions.name(sensor, fit, kind, Health.EXCLUDED)
                 self._send_out(reactions, sensor, fit)
+                watch(reactions, sensor, found.onset_std_s)
             else:
-                reactions.name(sensor, fit, kind, Health.FAULTY)
+                found = reactions.name(sensor, fit, kind, Health.FAULTY)
                 reactions.take_off(sensor, fit, kind)
+                watch(reactions, sensor, found.onset_std_s)
         reactions.replay()
+
+    def _is_another(self, reactions: Reactions, sensor: int) -> bool:
+        """Whether all that is known since the onset says that the error taken off is of another kind."""
+        return refine_one(reactions, sensor, self.hypotheses, self.noise_std, reactions.engine.window)
 
     def _burst(self, reactions: Reactions, fit: Fit) -> None:
         """A spike of a sensor has been gated; one of an input is taken out, and a long one tells of its sensor."""
@@ -265,7 +274,8 @@ class Judge:
 
     def _send_out(self, reactions: Reactions, sensor: int, fit: Fit) -> None:
         """Exclude a sensor whose fault began with the fit's onset."""
-        reactions.exclude(sensor, fit.onset, reactions.half_size(sensor, fit))
+        reactions.exclude(sensor, fit.onset)
+        reactions.expect(sensor, fit.kind, reactions.sizes(sensor, fit))
         if self.layout.sensors[sensor].role is Role.INPUT:
             self._schedule(reactions, sensor)
 
@@ -274,8 +284,7 @@ class Judge:
         wait_ns = self._retry_ns(reactions, sensor)
         due = reactions.now_ns + wait_ns
         reactions.write("since_ns", reactions.now_ns, sensor)
-        planned = int(reactions.engine.desk[0]["retry_ns"])
-        reactions.engine.desk[0]["retry_ns"] = min(planned, due) if planned else due
+        plan(reactions, due)
 
     def _wait_ns(self, reactions: Reactions, sensor: int, shortest_s: float) -> int:
         """How long a sensor waits, doubled with every relapse."""
@@ -330,7 +339,8 @@ class Judge:
         onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
         reactions.close()
         reactions.name_unusable(sensor, kind, onset)
-        reactions.exclude(sensor, onset, 4.0 * self.noise_std[sensor])
+        reactions.exclude(sensor, onset)
+        reactions.expect(sensor, kind, {})
         if self.layout.sensors[sensor].role is Role.INPUT:
             self._schedule(reactions, sensor)
         reactions.replay()
@@ -339,6 +349,8 @@ class Judge:
         """An excluded sensor agrees with the estimate: first on probation, then, once it has waited, used again."""
         if sensor not in reactions.out():
             return  # a late reading has had its return looked at once more
+        if goes_on(reactions, sensor, self.hypotheses, self.noise_std):
+            return
         if reactions.reaction["health"][sensor] != Health.PROBATION:
             reactions.write("health", Health.PROBATION, sensor)
             reactions.write("since_ns", reactions.now_ns, sensor)
@@ -349,8 +361,12 @@ class Judge:
             reactions.clear(sensor)
 
     def _retry(self, reactions: Reactions) -> None:
-        """Try excluded inputs that have waited, and believe those that were tried and raised no alarm."""
+        """Try excluded inputs that have waited, and believe those that were tried and raised no alarm.
+
+        Of other sensors that are out or corrected the kind of fault is weighed again.
+        """
         reactions.engine.desk[0]["retry_ns"] = 0
+        refine(reactions, self.hypotheses, self.noise_std)
         for sensor in self.layout.sensors:
             number, health = sensor.number, reactions.reaction["health"][sensor.number]
             if sensor.role is not Role.INPUT or health not in (Health.EXCLUDED, Health.PROBATION):

@@ -81,7 +81,8 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
     excluded: its readings from out_from_ns to until_ns (0: for good) correct nothing.   relapses: how often it has come
     back.   from_ns, to_ns: (s, 2) the error taken off before, and now (0: none; 0: for good): offset, drift (per
     second since from_ns), gain_error (a factor less one) and lag, s.   noise_excess: its R is this much larger, a
-    factor less one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return.
+    factor less one.   shadow_size: bias, in the channel's unit, that would still be a fault when it asks to return;
+    shadow_gain, shadow_lag: the same of a scale and a delay.
     model: 1 while the model, not a sensor, is thought wrong.
     """
     s, m = sensors, payload
@@ -92,5 +93,5 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
         ("relapses", "<i8", (s,)), ("from_ns", "<i8", (s, 2)), ("to_ns", "<i8", (s, 2)), ("offset", "<f8", (s, 2, m)),
         ("drift", "<f8", (s, 2, m)), ("gain_error", "<f8", (s, 2, m)), ("lag", "<f8", (s, 2, m)),
         ("noise_excess", "<f8", (s,)),
-        ("shadow_size", "<f8", (s, m)), ("model", "<i8"),
+        ("shadow_size", "<f8", (s, m)), ("shadow_gain", "<f8", (s, m)), ("shadow_lag", "<f8", (s, m)), ("model", "<i8"),
     ])  # fmt: skip

@@ -18,7 +18,7 @@ from tools.scoreboard.judging import NAMED
 PROMISE = {"mean_time_between_false_alarms_s": 36_000.0}
 ONSET_S, END_S = 20.0, 50.0
 MOVING = (
-    ("radar", "scale=1.07", Kind.SCALE, 0.07, 0), ("wheel_speed", "scale=1.07", Kind.SCALE, 0.07, None),
+    ("radar", "scale=1.07", Kind.SCALE, 1.07, 0), ("wheel_speed", "scale=1.07", Kind.SCALE, 1.07, None),
     ("radar", "delay=0.15", Kind.DELAY, 0.15, None), ("wheel_speed", "delay=0.15", Kind.DELAY, 0.15, None),
     ("gps", "delay=0.15", Kind.DELAY, 0.15, None),
 )  # fmt: skip
