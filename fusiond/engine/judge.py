@@ -51,6 +51,8 @@ PATIENCE = 0.25
 """A case left open is reviewed when its readings have grown by this share."""
 STEPS, LEAST = 128, 16
 """A window is worth looking at again after this part of it, a set that nothing tells apart after so many of those."""
+CALM_WINDOWS = 16
+"""Windows after which too little scatter is looked into again at the latest."""
 PROBATION_S = 1.0
 """Shortest probation of a sensor; doubled with every relapse."""
 RETRY_S = 5.0
@@ -99,6 +101,7 @@ class Judge:
         for _ in range(len(self.layout.sensors) + 1):
             monitor = engine.track[0]["monitor"]
             alarm, sensor = Alarm(int(monitor["alarm"])), int(monitor["alarm_sensor"])
+            too_calm = alarm is Alarm.POOLED and int(monitor["alarm_cell"]) == 1
             monitor["alarm"] = Alarm.NONE
             reactions = Reactions(engine, self.noise_std)
             match alarm:
@@ -110,18 +113,43 @@ class Judge:
                     self._healed(reactions, sensor)
                 case Alarm.RETRY:
                     self._retry(reactions)
+                case _ if too_calm:
+                    self._weigh_calm(reactions)
                 case _:
                     self._weigh(reactions, alarm)
 
-    def _weigh(self, reactions: Reactions, alarm: Alarm) -> None:
-        """Ask isolation, and do what follows from its answer; alarms within an open case wait for its review."""
+    def _weigh_calm(self, reactions: Reactions) -> None:
+        """All innovations scatter less than declared: the end of a noise, the model, or a declaration that is cautious.
+
+        No error makes them do so: whatever else isolation finds at this moment has raised no alarm. Where it is nothing
+        one asks half as often every time. Every other alarm is weighed as ever.
+        """
+        desk, entries = reactions.engine.desk[0], reactions.entries
+        if entries < max(int(desk["calm_until"]), int(desk["review_at"])):
+            return
+        finding = self._finding(reactions)
+        noise = finding.fit is not None and finding.fit.kind is Kind.NOISE
+        if finding.outcome is Outcome.MODEL or (noise and self._matters(reactions, finding)):
+            desk["calm_for"] = 0
+            self._weigh(reactions, Alarm.POOLED, finding)
+            return
+        shortest, longest = LEAST * self._step, CALM_WINDOWS * self.layout.shape.window
+        desk["calm_for"] = min(max(shortest, 2 * int(desk["calm_for"])), longest)
+        desk["calm_until"] = entries + desk["calm_for"]
+
+    def _weigh(self, reactions: Reactions, alarm: Alarm, found: Finding | None = None) -> None:
+        """Ask isolation, and do what follows from its answer; alarms within an open case wait for its review.
+
+        Args:
+            found: its answer, where it was asked already.
+        """
         engine = reactions.engine
         desk, entries = engine.desk[0], reactions.entries
         if alarm is not Alarm.REVIEW and entries < desk["review_at"]:
             return
         if desk["case_at"] == 0:
             desk["case_at"] = entries
-        finding = self._finding(reactions)
+        finding = found or self._finding(reactions)
         if finding.outcome is not Outcome.MODEL and not self._matters(reactions, finding):
             reactions.close()
             return

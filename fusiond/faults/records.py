@@ -18,7 +18,8 @@ def monitor_dtype(
     """State of every test on the innovations of the primary filter.
 
     entries: readings written to the window so far.   alarm: which test asks for judgement (types.Alarm), 0 none;
-    alarm_sensor: of which sensor, where the test says so.
+    alarm_sensor: of which sensor, where the test says so;   alarm_cell: which cell, or of the pooled variance 1 where
+    it is less than declared.
     carried: (n, n + inputs) transition of the error since the last entry, beside its response to a unit error of
     each input held meanwhile.   x_after, t_after_ns, rate: state after the last entry, its time, and its rate of
     change (1/s) predicted since.

@@ -276,6 +276,8 @@ def forget_all(track: Any, desk: Any) -> None:
     desk.review_at = 0
     desk.case_at = 0
     desk.retry_ns = 0
+    desk.calm_until = 0
+    desk.calm_for = 0
 
 
 @kernel
