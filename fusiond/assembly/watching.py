@@ -23,6 +23,8 @@ from fusiond.types import Role, nanoseconds
 
 SILENT_PERIODS = 2.5
 """Periods without a reading after which a regular stream is silent; an irregular one is given what it needs."""
+SILENCE_SHARE = 0.1
+"""Part of the promised rate of false alarms that all streams' learnt deadlines together may add to it."""
 USUAL_S = 5.0
 """Over how long the usual value of an input is taken."""
 PROFILES = {"sharp": SHARP, "robust": ROBUST}
@@ -87,7 +89,8 @@ def write_tests(resolved: Resolved, detection: Detection | None, design: NDArray
         section = sensor.section
         if section is not None and section.rate_hz and section.max_silence_s is None:
             record["silence_ns"][number] = nanoseconds(SILENT_PERIODS / section.rate_hz)
-            record["learns_silence"][number] = 1
+            readings = detection.promise.interval_s * section.rate_hz
+            record["promised_gaps"][number] = readings * len(resolved.sensors) / SILENCE_SHARE
     tests = record["tests"]
     cells = detection.cells
     tests["theta"][:cells], tests["limit"][:cells] = detection.cell_theta, detection.cell_h

@@ -150,7 +150,8 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
     d >= 0; they are the covariance of the error of x.
     u: the inputs held now, u_var their variances.   sensor_t_ns: stamp of each sensor's last reading, held ones
     included; sensor_z: its last used one.   gap_from_ns, gap_to_ns: its last silence that was longer than healthy;
-    longest_gap_ns: of late;   live: whether its arrivals are known, noted where silences are learnt.
+    gaps, late_gaps: seen so far, up to what is remembered of them;   late_share, late_excess_ns: step.silence;   live:
+    whether its arrivals are known, noted where silences are learnt.
     resets, jump: as in the report.   reaction, monitor: faults.records.
     learned: of each guarded state, the part of its variance that readings took away lately, as of learned_ns.
     pending*: intervals since U, d were brought forward, with their transition and noise (step.pending_on).
@@ -167,7 +168,8 @@ def track_dtype(shape: Shape) -> np.dtype[Any]:
         ("u", "<f8", (ni,)), ("u_var", "<f8", (ni,)),
         ("sensor_seen", "<i8", (s,)), ("sensor_t_ns", "<i8", (s,)), ("sensor_z", "<f8", (s, m)),
         ("gap_from_ns", "<i8", (s,)), ("gap_to_ns", "<i8", (s,)),
-        ("longest_gap_ns", "<i8", (s,)), ("live", "<i8", (s,)),
+        ("gaps", "<i8", (s,)), ("late_gaps", "<i8", (s,)), ("late_share", "<f8", (s,)), ("late_excess_ns", "<f8", (s,)),
+        ("live", "<i8", (s,)),
         ("reaction", reaction_dtype(sensors=s, payload=m)), ("monitor", shape.monitor),
         *([("noise", noise_dtype(shape.adapt, sensors=s, payload=m))] if shape.adapt else []),
     )  # fmt: skip
@@ -214,7 +216,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
     measured), lower/upper (allowed range), R_U, R_d (its R as U diag(d) U'), at (state slots it reads), sp (its
     parameters), wraps (channels that are angles, rad), drives (inputs it sets, -1 none), hold, holds_value, delay_ns
     (its stamps are this much later than what it measured), silence_ns (longest healthy silence, 0 never silent),
-    learns_silence (whether that may grow).
+    promised_gaps (readings among which one may come later than what was learnt; 0: nothing is learnt).
     heard: (s, f) whether filter f hears sensor s; alone: (f,) whether it hears no other; spares: (f,) whether it leaves
     one out.   protected: (q,) error slots with a protection level; quantile: of it, in deviations.   angle: (states,)
     whether a state is an angle, rad.   without_var: (s, m) variances of an input while its sensor is silent or
@@ -244,7 +246,7 @@ def design_dtype(shape: Shape) -> np.dtype[Any]:
         ("heard", "<i4", (s, shape.filters)), ("alone", "<i4", (shape.filters,)), ("without_var", "<f8", (s, m)),
         ("spares", "<i4", (shape.filters,)), ("protected", "<i8", (shape.protected,)), ("quantile", "<f8"),
         ("tests", tests_dtype(sensors=s, cells=shape.cells)),
-        ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)), ("learns_silence", "<i8", (s,)),
+        ("delay_ns", "<i8", (s,)), ("silence_ns", "<i8", (s,)), ("promised_gaps", "<f8", (s,)),
         ("free", "<i4", (s,)), ("heading", "<i8"), ("turns_to", "<i8", (n,)), ("turns_by", "<f8", (n,)),
         ("guarded", "<i8", (shape.guarded,)), ("covariance_ns", "<i8"),
         ("step_ns", "<i8"), ("max_step_ns", "<i8"), ("horizon_ns", "<i8"), ("ahead_ns", "<i8"), ("resync", "<i8"),
