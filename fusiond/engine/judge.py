@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import LASTING, Reactions
-from fusiond.engine.refine import goes_on, is_watched, plan, refine, refine_one, watch
+from fusiond.engine.refine import goes_on, is_watched, refine, refine_one, watch
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -312,7 +312,8 @@ class Judge:
         wait_ns = self._retry_ns(reactions, sensor)
         due = reactions.now_ns + wait_ns
         reactions.write("since_ns", reactions.now_ns, sensor)
-        plan(reactions, due)
+        planned = int(reactions.engine.desk[0]["retry_ns"])
+        reactions.engine.desk[0]["retry_ns"] = min(planned, due) if planned else due
 
     def _wait_ns(self, reactions: Reactions, sensor: int, shortest_s: float) -> int:
         """How long a sensor waits, doubled with every relapse."""
@@ -393,8 +394,13 @@ class Judge:
 
         Of other sensors that are out or corrected the kind of fault is weighed again.
         """
-        reactions.engine.desk[0]["retry_ns"] = 0
-        refine(reactions, self.hypotheses, self.noise_std)
+        desk = reactions.engine.desk[0]
+        if 0 < desk["refine_ns"] <= reactions.now_ns:
+            desk["refine_ns"] = 0
+            refine(reactions, self.hypotheses, self.noise_std)
+        if not 0 < desk["retry_ns"] <= reactions.now_ns:
+            return
+        desk["retry_ns"] = 0
         for sensor in self.layout.sensors:
             number, health = sensor.number, reactions.reaction["health"][sensor.number]
             if sensor.role is not Role.INPUT or health not in (Health.EXCLUDED, Health.PROBATION):

@@ -60,8 +60,8 @@ def watch(reactions: Reactions, sensor: int, onset_std_s: float) -> None:
 def plan(reactions: Reactions, due_ns: int) -> None:
     """Look again at that time, if not before."""
     desk = reactions.engine.desk[0]
-    planned = int(desk["retry_ns"])
-    desk["retry_ns"] = min(planned, due_ns) if planned else due_ns
+    planned = int(desk["refine_ns"])
+    desk["refine_ns"] = min(planned, due_ns) if planned else due_ns
 
 
 def _evidence(reactions: Reactions, sensor: int) -> NDArray[Any]:

@@ -276,6 +276,7 @@ def forget_all(track: Any, desk: Any) -> None:
     desk.review_at = 0
     desk.case_at = 0
     desk.retry_ns = 0
+    desk.refine_ns = 0
     desk.calm_until = 0
     desk.calm_for = 0
 
@@ -286,6 +287,6 @@ def awaits_judgement(track: Any, desk: Any) -> bool:
     monitor = track.monitor
     if 0 < desk.review_at <= monitor.entries:
         ask(monitor, REVIEW, 0)
-    if 0 < desk.retry_ns <= track.t_ns:
+    if 0 < desk.retry_ns <= track.t_ns or 0 < desk.refine_ns <= track.t_ns:
         ask(monitor, RETRY, 0)
     return bool(monitor.alarm != 0)
