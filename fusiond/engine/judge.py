@@ -270,15 +270,15 @@ class Judge:
             if known[sensor] in LASTING and reactions.reaction["health"][sensor] == Health.FAULTY:
                 if not (is_watched(reactions, sensor) and self._is_another(reactions, sensor)):
                     self._revise(reactions, sensor, fit, kind)
-                    watch(reactions, sensor, 0.0)
-            elif self._excludable(reactions, sensor, fit.place):
+                    watch(reactions, sensor, fit.place, 0.0)
+                continue
+            if self._excludable(reactions, sensor, fit.place):
                 found = reactions.name(sensor, fit, kind, Health.EXCLUDED)
                 self._send_out(reactions, sensor, fit)
-                watch(reactions, sensor, found.onset_std_s)
             else:
                 found = reactions.name(sensor, fit, kind, Health.FAULTY)
                 reactions.take_off(sensor, fit, kind)
-                watch(reactions, sensor, found.onset_std_s)
+            watch(reactions, sensor, fit.place, found.onset_std_s)
         reactions.replay()
 
     def _is_another(self, reactions: Reactions, sensor: int) -> bool:

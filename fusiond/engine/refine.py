@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fusiond.engine.reactions import LASTING, Reactions
 from fusiond.faults.hearing import begin, hear
-from fusiond.faults.hypotheses import Hypothesis
+from fusiond.faults.hypotheses import Hypothesis, Place
 from fusiond.faults.kinds import FAMILY, SHAPE
 from fusiond.faults.refining import Account, accounts, best_of_kinds, ended, settle_kind, sizes_of
 from fusiond.types import NANOSECONDS, Health, Kind, Role
@@ -32,21 +32,20 @@ STRETCHES = (2, 4, 8, 16)
 """Shares of the window that are asked whether a fault has ended."""
 POSSIBLE = 2.0 * FAMILY
 """A kind that explains the evidence less well by this, in log likelihood, is none that the fault may have."""
-SURER = 0.5
-"""What is taken off a sensor that is used is corrected when its deviation has shrunk by this factor."""
 SURE = 2.0
 """Standard deviations of its onset after which a fault has surely begun."""
 WATCHED = (Health.EXCLUDED, Health.PROBATION, Health.FAULTY)
 
 
-def watch(reactions: Reactions, sensor: int, onset_std_s: float) -> None:
-    """Begin to gather evidence about a sensor whose lasting error has just been named.
+def watch(reactions: Reactions, sensor: int, place: Place, onset_std_s: float) -> None:
+    """Begin to gather evidence about a sensor whose lasting error has just been named; none where a group shares it.
 
     Readings from before the onset would speak against every error. So those of a sensor that is out count from when it
     has surely begun; of one that is used each has moved the estimate.
     """
-    reaction = reactions.reaction
-    if reactions.layout.sensors[sensor].role is not Role.UPDATE or reaction["kind"][sensor] not in LASTING:
+    reaction, updates = reactions.reaction, reactions.layout.sensors[sensor].role is Role.UPDATE
+    begin(_evidence(reactions, sensor), 0, 0)
+    if not updates or len(place) > 1 or reaction["kind"][sensor] not in LASTING:
         return
     onset_ns, out = int(reaction["onset_ns"][sensor]), reaction["health"][sensor] == Health.EXCLUDED
     if out:
@@ -105,7 +104,9 @@ def refine_one(
     evidence["score"] = max(one.score, float(evidence[0]["score"]))
     another = one.kind is not known
     if taken is not None:
-        if another or one.std < SURER * reactions.reaction["size_std"][sensor]:
+        # its predictions hold what it said before: a scale or delay that outdid a bias in the window is left as it is
+        another = another and known in (Kind.BIAS, Kind.DRIFT)
+        if another:
             _say(reactions, sensor, one)
             reactions.take_off_instead(sensor, one.kind, sizes_of(one))
             evidence["matched"] += evidence[0]["information"] @ (taken - reactions.taken(sensor))
