@@ -161,7 +161,7 @@ class Alarm(Label):
     REVIEW = 8
     """more readings have come for a case that was left open"""
     RETRY = 9
-    """an excluded input has waited long enough to be tried again"""
+    """an excluded input has waited long enough to be tried again, or a kind left open to be weighed again"""
 
 
 class Kind(Label):

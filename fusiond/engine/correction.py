@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.faults.window import believed
 from fusiond.types import Kind
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def put_on(taken: dict[str, Any], kind: Kind, channel: int, size: float) -> None
 
 def misfit(engine: Engine, since_ns: int) -> float:
     """Sum of the squares of the window's innovations since a time; infinite where they are no numbers."""
-    window = engine.window
+    window, _ = believed(engine.window)
     late = window["t_ns"] >= since_ns
     exists = np.arange(window["e"].shape[1]) < window["dof"][late, None]
     total = float(np.sum(np.where(exists, window["e"][late], 0.0) ** 2))

@@ -147,8 +147,13 @@ class Engine:
         return self.track, self._snapshots
 
     @property
+    def horizon_ns(self) -> int:
+        """How much older than the newest a reading may be, for readings of different ages to be put in order."""
+        return int(self._design[0]["horizon_ns"])
+
+    @property
     def window(self) -> Records:
-        """The entries of the window, oldest first: what the last readings were to the primary filter."""
+        """Entries of the window, oldest first: what the last readings were to the primary filter, looks included."""
         ring = self._work[0]["window"]
         entries = int(self.track[0]["monitor"]["entries"])
         count = min(entries, len(ring))

@@ -26,6 +26,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,7 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import Reactions
+from fusiond.engine.refine import goes_on, is_watched, refine, refine_one, watch
 from fusiond.engine.revising import is_corrected, take_off
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
@@ -51,6 +53,8 @@ PATIENCE = 0.25
 """A case left open is reviewed when its readings have grown by this share."""
 STEPS, LEAST = 128, 16
 """A window is worth looking at again after this part of it, a set that nothing tells apart after so many of those."""
+CALM_WINDOWS = 16
+"""Windows after which too little scatter is looked into again at the latest."""
 PROBATION_S = 1.0
 """Shortest probation of a sensor; doubled with every relapse."""
 RETRY_S = 5.0
@@ -100,6 +104,7 @@ class Judge:
         for _ in range(len(self.layout.sensors) + 1):
             monitor = engine.track[0]["monitor"]
             alarm, sensor = Alarm(int(monitor["alarm"])), int(monitor["alarm_sensor"])
+            too_calm = alarm is Alarm.POOLED and int(monitor["alarm_cell"]) == 1
             monitor["alarm"] = Alarm.NONE
             reactions = Reactions(engine, self.noise_std)
             match alarm:
@@ -111,18 +116,43 @@ class Judge:
                     self._healed(reactions, sensor)
                 case Alarm.RETRY:
                     self._retry(reactions)
+                case _ if too_calm:
+                    self._weigh_calm(reactions)
                 case _:
                     self._weigh(reactions, alarm)
 
-    def _weigh(self, reactions: Reactions, alarm: Alarm) -> None:
-        """Ask isolation, and do what follows from its answer; alarms within an open case wait for its review."""
+    def _weigh_calm(self, reactions: Reactions) -> None:
+        """All innovations scatter less than declared: the end of a noise, the model, or a declaration that is cautious.
+
+        No error makes them do so: whatever else isolation finds at this moment has raised no alarm. Where it is nothing
+        one asks half as often every time. Every other alarm is weighed as ever.
+        """
+        desk, entries = reactions.engine.desk[0], reactions.entries
+        if entries < max(int(desk["calm_until"]), int(desk["review_at"])):
+            return
+        finding = self._finding(reactions)
+        noise = finding.fit is not None and finding.fit.kind is Kind.NOISE
+        if finding.outcome is Outcome.MODEL or (noise and self._matters(reactions, finding)):
+            desk["calm_for"] = 0
+            self._weigh(reactions, Alarm.POOLED, finding)
+            return
+        shortest, longest = LEAST * self._step, CALM_WINDOWS * self.layout.shape.window
+        desk["calm_for"] = min(max(shortest, 2 * int(desk["calm_for"])), longest)
+        desk["calm_until"] = entries + desk["calm_for"]
+
+    def _weigh(self, reactions: Reactions, alarm: Alarm, found: Finding | None = None) -> None:
+        """Ask isolation, and do what follows from its answer; alarms within an open case wait for its review.
+
+        Args:
+            found: its answer, where it was asked already.
+        """
         engine = reactions.engine
         desk, entries = engine.desk[0], reactions.entries
         if alarm is not Alarm.REVIEW and entries < desk["review_at"]:
             return
         if desk["case_at"] == 0:
             desk["case_at"] = entries
-        finding = self._finding(reactions)
+        finding = found or self._finding(reactions)
         if finding.outcome is not Outcome.MODEL and not self._matters(reactions, finding):
             reactions.close()
             return
@@ -171,7 +201,7 @@ class Judge:
         fit = finding.fit
         if fit is None or fit.ground.is_input or fit.kind is not Kind.SPIKE:
             return False
-        entry = reactions.entries - len(reactions.window) + fit.onset
+        entry = reactions.entries - reactions.age_of(fit.onset)
         return entry < int(reactions.engine.desk[0]["case_at"])
 
     def _matters(self, reactions: Reactions, finding: Finding) -> bool:
@@ -239,20 +269,31 @@ class Judge:
             return
         kept = []
         for sensor in fit.place:
-            if not is_corrected(reactions, sensor) and self._excludable(reactions, sensor, fit.place):
-                reactions.name(sensor, fit, kind, Health.EXCLUDED)
+            if is_corrected(reactions, sensor):
+                if not (is_watched(reactions, sensor) and self._is_another(reactions, sensor)):
+                    kept.append(sensor)
+            elif self._excludable(reactions, sensor, fit.place):
+                found = reactions.name(sensor, fit, kind, Health.EXCLUDED)
                 self._send_out(reactions, sensor, fit)
+                watch(reactions, sensor, fit.place, found.onset_std_s)
             else:
                 kept.append(sensor)
         if not kept:
             reactions.replay()
-        elif not take_off(reactions, tuple(kept), fit, kind):
+        elif take_off(reactions, tuple(kept), fit, kind):
+            for sensor in filter(partial(is_corrected, reactions), kept):
+                watch(reactions, sensor, fit.place, 0.0)
+        else:
             self._blame_model(reactions)
 
     def _blame_model(self, reactions: Reactions) -> None:
         """No sensor's fault explains the innovations: touch none, and look again after a window."""
         reactions.write("model", 1)
         reactions.engine.desk[0]["review_at"] = reactions.entries + self.layout.shape.window
+
+    def _is_another(self, reactions: Reactions, sensor: int) -> bool:
+        """Whether all that is known since the onset says that the error taken off is of another kind."""
+        return refine_one(reactions, sensor, self.hypotheses, self.noise_std, reactions.engine.window)
 
     def _burst(self, reactions: Reactions, fit: Fit) -> None:
         """A spike of a sensor has been gated; one of an input is taken out, and a long one tells of its sensor."""
@@ -271,7 +312,8 @@ class Judge:
 
     def _send_out(self, reactions: Reactions, sensor: int, fit: Fit) -> None:
         """Exclude a sensor whose fault began with the fit's onset."""
-        reactions.exclude(sensor, fit.onset, reactions.half_size(sensor, fit))
+        reactions.exclude(sensor, fit.onset)
+        reactions.expect(sensor, fit.kind, reactions.sizes(sensor, fit))
         if self.layout.sensors[sensor].role is Role.INPUT:
             self._schedule(reactions, sensor)
 
@@ -331,7 +373,8 @@ class Judge:
         onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
         reactions.close()
         reactions.name_unusable(sensor, kind, onset)
-        reactions.exclude(sensor, onset, 4.0 * self.noise_std[sensor])
+        reactions.exclude(sensor, onset)
+        reactions.expect(sensor, kind, {})
         if self.layout.sensors[sensor].role is Role.INPUT:
             self._schedule(reactions, sensor)
         reactions.replay()
@@ -340,6 +383,8 @@ class Judge:
         """An excluded sensor agrees with the estimate: first on probation, then, once it has waited, used again."""
         if sensor not in reactions.out():
             return  # a late reading has had its return looked at once more
+        if goes_on(reactions, sensor, self.hypotheses, self.noise_std):
+            return
         if reactions.reaction["health"][sensor] != Health.PROBATION:
             reactions.write("health", Health.PROBATION, sensor)
             reactions.write("since_ns", reactions.now_ns, sensor)
@@ -352,9 +397,16 @@ class Judge:
     def _retry(self, reactions: Reactions) -> None:
         """Try excluded inputs that have waited, and believe those that were tried and raised no alarm.
 
-        Noise that falls slowly raises no alarm, as its estimate keeps up with it: whether it is over is looked at here.
+        Of other sensors that are out or corrected the kind of fault is weighed again. Noise that falls slowly raises no
+        alarm, as its estimate keeps up with it: whether it is over is looked at here.
         """
-        reactions.engine.desk[0]["retry_ns"] = 0
+        desk = reactions.engine.desk[0]
+        if 0 < desk["refine_ns"] <= reactions.now_ns:
+            desk["refine_ns"] = 0
+            refine(reactions, self.hypotheses, self.noise_std)
+        if not 0 < desk["retry_ns"] <= reactions.now_ns:
+            return
+        desk["retry_ns"] = 0
         for sensor in self.layout.sensors:
             number, health = sensor.number, reactions.reaction["health"][sensor.number]
             if health == Health.FAULTY and self._estimates_noise(reactions, number):

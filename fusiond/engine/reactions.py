@@ -11,6 +11,7 @@ estimate along the direction in which such an error moves it (Friedland 1969), a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,9 +22,11 @@ from fusiond.engine.correction import CORRECTIONS, LASTING, put_on
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
-from fusiond.faults.identification import identify
+from fusiond.faults.hearing import KINDS
+from fusiond.faults.identification import Identity, identify
 from fusiond.faults.isolation import Finding
 from fusiond.faults.response import respond
+from fusiond.faults.window import believed
 from fusiond.numerics.kernel import interpreted
 from fusiond.numerics.ud import ud_factor
 from fusiond.types import Alarm, Health, Kind, Role
@@ -48,12 +51,12 @@ class Reactions:
 
     def __init__(self, engine: Engine, noise_std: NDArray[np.float64]) -> None:
         self.engine = engine
-        self.window = engine.window
+        self.window, self._places = believed(engine.window)
         self.now_ns = int(engine.track[0]["t_ns"])
         self.entries = int(engine.track[0]["monitor"]["entries"])
         self.reaction = engine.track[0]["reaction"]
         self._noise_std = noise_std
-        self._layout = engine.layout
+        self.layout = engine.layout
         self._since_ns: int | None = None
         self._widened: list[tuple[int, int, float]] = []
         self._doubted = False
@@ -80,6 +83,10 @@ class Reactions:
         """Stamp of an entry of the window; past its end, now."""
         return int(self.window["t_ns"][onset]) if onset < len(self.window) else self.now_ns
 
+    def age_of(self, onset: int) -> int:
+        """Readings written to the window from one of its entries on."""
+        return len(self.engine.window) - int(self._places[onset]) if onset < len(self._places) else 0
+
     def run_began(self, sensor: int) -> int:
         """Entry at which the sensor's run of equal values began."""
         mine = np.flatnonzero(self.window["sensor"] == sensor)
@@ -88,19 +95,20 @@ class Reactions:
 
     def since(self, onset: int, *, settled: bool = False) -> None:
         """Have the readings since an entry replayed, or since some entries before it."""
-        before = int(SETTLED * self._layout.shape.window)
+        before = int(SETTLED * self.layout.shape.window)
         first = max(0, min(onset, len(self.window) - 1) - before) if settled else onset
         t_ns = self.onset_ns(first)
         self._since_ns = t_ns if self._since_ns is None else min(t_ns, self._since_ns)
 
     def replay(self) -> None:
         """Replay what was asked for; then widen the covariance where a correction is uncertain."""
-        if self._since_ns is not None:
-            self.engine.replay_since(self._since_ns)
+        if self._since_ns is None:
+            return
+        self.engine.replay_since(self._since_ns)
         for sensor, channel, std in self._widened:
             self._widen(sensor, channel, std)
         if self._doubted:
-            for row in range(len(self._layout.filters)):
+            for row in range(len(self.layout.filters)):
                 widen(self.engine, row, self.engine.initial_covariance())
         self._since_ns, self._widened, self._doubted = None, [], False
         # What an excluded sensor said before it was excluded is no plea for its return.
@@ -126,7 +134,7 @@ class Reactions:
     @property
     def adapts(self) -> bool:
         """Whether noise is estimated."""
-        return self._layout.shape.adapt is not None
+        return self.layout.shape.adapt is not None
 
     def freeze(self, sensors: tuple[int, ...]) -> None:
         """What these sensors say, and no others, tells nothing of their noise: it may be the error that is sought."""
@@ -165,7 +173,7 @@ class Reactions:
             if self.reaction["health"][sensor] == Health.HEALTHY:
                 self.write("health", Health.SUSPECT, sensor)
 
-    def name(self, sensor: int, fit: Fit, kind: Kind, health: Health) -> None:
+    def name(self, sensor: int, fit: Fit, kind: Kind, health: Health) -> Identity:
         """Write what is wrong with the sensor: of several sizes the most significant."""
         found = identify(fit)
         mine = replace(found, parts=tuple(part for part in found.parts if sensor in part.sensors)).largest
@@ -173,6 +181,7 @@ class Reactions:
         own = [one for one in suspects if one.channel in mine.channels]
         channel = self._channel(own[0]) if len(own) == 1 else -1
         self._say(sensor, health, kind, channel, mine.size, mine.std, found.onset_ns)
+        return found
 
     def name_unusable(self, sensor: int, kind: Kind, onset: int) -> None:
         """Write that nothing the sensor says can be used."""
@@ -188,12 +197,21 @@ class Reactions:
         for field, value in said.items():
             self.write(field, value, sensor)
 
+    def sizes(self, sensor: int, fit: Fit) -> dict[int, float]:
+        """The fit's sizes of one sensor, by raw channel."""
+        return {
+            self._channel(one): float(size)
+            for size, part in zip(fit.size, fit.hypothesis.parts, strict=True)
+            for one in part
+            if one.sensor == sensor
+        }
+
     def _channel(self, suspect: Suspect) -> int:
         """Raw channel of a suspect; an input's number becomes the channel that drives it."""
         if not suspect.is_input:
             return int(suspect.channel)
-        slot = self._layout.inputs[suspect.channel].name
-        return [channel.name for channel in self._layout.sensors[suspect.sensor].channels].index(slot)
+        slot = self.layout.inputs[suspect.channel].name
+        return [channel.name for channel in self.layout.sensors[suspect.sensor].channels].index(slot)
 
     def cover(self, finding: Finding) -> None:
         """Say of every member of an ambiguous set what it would be, and weigh it down so far as to cover that error."""
@@ -202,7 +220,7 @@ class Reactions:
             for sensor in fit.place:
                 self.name(sensor, fit, fit.kind, Health.SUSPECT)
                 self.write("suspects", mask & ~(1 << sensor), sensor)
-                if self._layout.sensors[sensor].role is Role.UPDATE and fit.kind in LASTING:
+                if self.layout.sensors[sensor].role is Role.UPDATE and fit.kind in LASTING:
                     self.write("noise_excess", self._covering(sensor, fit), sensor)
 
     def _covering(self, sensor: int, fit: Fit) -> float:
@@ -214,9 +232,9 @@ class Reactions:
         ]
         return float(min(max(shares, default=0.0) ** 2, 1e6))
 
-    def exclude(self, sensor: int, onset: int, shadow_size: NDArray[np.float64]) -> None:
+    def exclude(self, sensor: int, onset: int) -> None:
         """Stop using the sensor."""
-        rows, name = self._layout.filters, self._layout.sensors[sensor].name
+        rows, name = self.layout.filters, self.layout.sensors[sensor].name
         refused = self.engine.track[0]["monitor"]["refused"].max(axis=1)
         clean = [
             k
@@ -227,7 +245,6 @@ class Reactions:
         self.write("excluded", 1, sensor)
         self.write("until_ns", 0, sensor)
         self.write("out_from_ns", 0 if clean else self._spoilt_from_ns(sensor, onset), sensor)
-        self.write("shadow_size", shadow_size, sensor)
         self.write("noise_excess", 0.0, sensor)
         if clean:
             for records in self.engine.histories:
@@ -237,7 +254,7 @@ class Reactions:
 
     def _spoilt_from_ns(self, sensor: int, onset: int) -> int:
         """First stamp of a fault that shows from an entry on: an input spoils the interval before it."""
-        if self._layout.sensors[sensor].role is Role.INPUT and onset > 0:
+        if self.layout.sensors[sensor].role is Role.INPUT and onset > 0:
             return self.onset_ns(onset - 1) + 1
         return self.onset_ns(onset)
 
@@ -248,15 +265,24 @@ class Reactions:
         self.write("until_ns", self.onset_ns(last) + 1, sensor)
         self.since(max(0, onset - 1))
 
-    def half_size(self, sensor: int, fit: Fit) -> NDArray[np.float64]:
-        """(m,) half a bias, by raw channel, but no less than one deviation of the noise; else two of them."""
-        half = 2.0 * self._noise_std[sensor]
-        if fit.kind is Kind.BIAS:
-            for size, part in zip(fit.size, fit.hypothesis.parts, strict=True):
-                for one in part:
-                    if one.sensor == sensor and not one.is_input:
-                        half[one.channel] = max(abs(float(size)) / 2.0, self._noise_std[sensor, one.channel])
-        return half
+    def expect(self, sensor: int, kind: Kind, sizes: Mapping[int, float]) -> None:
+        """What would still be a fault when the sensor asks to return: half a bias, scale or delay, by raw channel.
+
+        Of a bias no less than one deviation of the noise; of another kind so many deviations.
+        """
+        noise = self._noise_std[sensor]
+        blind = (4.0 if kind in (Kind.STUCK, Kind.GARBAGE) else 2.0) * noise
+        shadow = {"shadow_size": blind, "shadow_gain": 0.0 * noise, "shadow_lag": 0.0 * noise}
+        field = {Kind.SCALE: "shadow_gain", Kind.DELAY: "shadow_lag"}.get(kind, "shadow_size")
+        if field != "shadow_size":
+            shadow["shadow_size"] = 0.0 * noise
+        for channel, size in sizes.items():
+            if kind is Kind.BIAS:
+                shadow[field][channel] = max(abs(size) / 2.0, noise[channel])
+            elif field != "shadow_size":
+                shadow[field][channel] = size / 2.0
+        for name, value in shadow.items():
+            self.write(name, value, sensor)
 
     def readmit(self, sensor: int) -> None:
         """Use the sensor's readings again from now on."""
@@ -300,6 +326,21 @@ class Reactions:
     def _write_correction(self, field: str, value: Any, sensor: int) -> None:
         for records in self.engine.histories:
             records["reaction"][field][:, sensor, 1] = value
+
+    def taken(self, sensor: int) -> NDArray[np.float64]:
+        """What is taken off the sensor's readings now, in the columns of `faults.hearing`."""
+        return np.concatenate([self.reaction[CORRECTIONS[kind]][sensor, 1] for kind in KINDS])
+
+    def take_off_instead(self, sensor: int, kind: Kind, sizes: Mapping[int, float]) -> None:
+        """Take another error off, by raw channel, since the onset of the one taken off till now."""
+        for field in CORRECTIONS.values():
+            self._write_correction(field, 0.0, sensor)
+        value = np.zeros(self.layout.shape.payload)
+        for channel, size in sizes.items():
+            value[channel] = size
+        self._write_correction(CORRECTIONS[kind], value, sensor)
+        from_ns = int(self.reaction["from_ns"][sensor, 1])
+        self._since_ns = from_ns if self._since_ns is None else min(from_ns, self._since_ns)
 
     def end_correction(self, sensor: int, fit: Fit) -> None:
         """Believe the readings as they are from the fit's onset on."""
@@ -354,10 +395,10 @@ class Reactions:
 
         P + g g' std^2, g the error that such a bias has caused.
         """
-        response = respond(self.engine.window, 0)
+        response = respond(believed(self.engine.window)[0], 0)
         columns = np.unique(response.raw[response.sensor == sensor, channel])
         g = response.carried[:, columns].sum(axis=1) * std
-        for row, filtered in enumerate(self._layout.filters):
+        for row, filtered in enumerate(self.layout.filters):
             if filtered.hears in ("all", "level"):
                 widen(self.engine, row, np.outer(g, g))
 

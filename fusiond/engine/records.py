@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from fusiond.adapt.records import AdaptShape, noise_design_dtype, noise_dtype, noise_work_dtype
+from fusiond.faults.hearing import evidence_dtype
 from fusiond.faults.records import monitor_dtype, reaction_dtype, tests_dtype
 from fusiond.faults.window import window_dtype
 from fusiond.numerics.packed import packed
@@ -186,6 +187,9 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     own.   source, bump: what the estimate is made of, and what is faded since that last changed.   safe_*: since when
     the command is the safe one (0: it is not), and the last before.   doubt_since_ns: since when no sound sensor
     corrects the state (0: one does).   cost*: mean cost of the commands so far.
+    retry_ns, refine_ns: when excluded inputs are looked at again, and open kinds.
+    calm_until, calm_for: entry of the window until which, and entries for which, too little scatter raises no alarm.
+    evidence: about the kind of each sensor's fault (faults.hearing), where faults are sought.
     seq_top, seq_seen: highest sequence number of each sensor and which of the 64 up to it came (bit 0: the highest).
     """
     k, s, queue = shape.controls, shape.sensors, shape.queue
@@ -193,7 +197,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
         ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
         ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
         ("odd_start_ns", "<i8"), ("pause", "<i8"), ("replay_from", "<i8"), ("review_at", "<i8"), ("case_at", "<i8"),
-        ("retry_ns", "<i8"),
+        ("retry_ns", "<i8"), ("refine_ns", "<i8"), ("calm_until", "<i8"), ("calm_for", "<i8"),
         ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
         ("reference_t_ns", "<i8"), ("reference", "<f8", (shape.references,)), ("has_reference", "<i8"),
         ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)), ("has_applied", "<i8"),
@@ -203,6 +207,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
         ("memory", "<f8", (shape.memory,)),
         ("source", "<i8"), ("bump", "<f8", (k,)), ("bump_ns", "<i8"), ("safe_since_ns", "<i8"),
         ("safe_from", "<f8", (k,)), ("doubt_since_ns", "<i8"), ("cost", "<f8"), ("cost_count", "<i8"),
+        *([("evidence", evidence_dtype(errors=shape.errors, payload=shape.payload), (s,))] if shape.cells else []),
     )  # fmt: skip
 
 

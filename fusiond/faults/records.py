@@ -18,7 +18,8 @@ def monitor_dtype(
     """State of every test on the innovations of the primary filter.
 
     entries: readings written to the window so far.   alarm: which test asks for judgement (types.Alarm), 0 none;
-    alarm_sensor: of which sensor, where the test says so.
+    alarm_sensor: of which sensor, where the test says so;   alarm_cell: which cell, or of the pooled variance 1 where
+    it is less than declared.
     carried: (n, n + inputs) transition of the error since the last entry, beside its response to a unit error of
     each input held meanwhile.   x_after, t_after_ns, rate: state after the last entry, its time, and its rate of
     change (1/s) predicted since.
@@ -86,7 +87,8 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
     second since from_ns), gain_error (a factor less one) and lag, s.   noise_excess: its R is this much larger, a
     factor less one.   revisions: how often its error became another one;   barred_ns, barred: until when nothing is
     taken off it, and how often that was so.   shadow_size: bias, in the channel's unit, that would still be a fault
-    when it asks to return.   model: 1 while the model, not a sensor, is thought wrong.
+    when it asks to return; shadow_gain, shadow_lag: the same of a scale and a delay.   model: 1 while the model, not a
+    sensor, is thought wrong.
     """
     s, m = sensors, payload
     return packed([
@@ -97,5 +99,5 @@ def reaction_dtype(*, sensors: int, payload: int) -> np.dtype[Any]:
         ("drift", "<f8", (s, 2, m)), ("gain_error", "<f8", (s, 2, m)), ("lag", "<f8", (s, 2, m)),
         ("noise_excess", "<f8", (s,)), ("revisions", "<i8", (s,)),
         ("barred_ns", "<i8", (s,)), ("barred", "<i8", (s,)),
-        ("shadow_size", "<f8", (s, m)), ("model", "<i8"),
+        ("shadow_size", "<f8", (s, m)), ("shadow_gain", "<f8", (s, m)), ("shadow_lag", "<f8", (s, m)), ("model", "<i8"),
     ])  # fmt: skip

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from fusiond.faults.window import ODD
+from fusiond.faults.window import LOOKED, ODD
 from fusiond.numerics.kernel import kernel
 from fusiond.types import Alarm, Role
 
 from .decided import corrected, is_excluded, undelay
 from .inject import between
-from .signatures import bank, carry, forget_interval
+from .signatures import bank, carry, forget_interval, move_signatures
 from .silence import is_silent
 from .sizes import ERRORS, INPUTS, SENSORS, STATES, WINDOW
 from .spread_tests import FROZEN, ask, clear_tests, moved, test_frozen, test_scatter, variance_gain
@@ -30,7 +30,8 @@ FEW, DECAY = 1.5, 0.9
 PATIENT = 6.9
 """Log likelihood ratio at which an excluded sensor is believed healed: one in a thousand that it is not."""
 DIM, LIVELY = 0.3, 20
-"""Where no error that matters would move an innovation by DIM deviations, LIVELY sound readings are all one can ask."""
+"""Where an error as large as the noise would move no innovation by DIM deviations, LIVELY sound readings are all one
+can ask. Where the motion shows no error of the kind that is sought, one waits for motion."""
 SHORTEST_S = 1e-4
 """A missing input's noise is spread over no shorter an interval."""
 SHORTEST_HOLD, HELD_LONGER = 2, 3
@@ -65,11 +66,11 @@ def before_update(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> None:
+def write_entry(track: Any, work: Any, reading: Any, dof: int, used: int) -> None:
     """Write the reading's line into the window."""
     monitor = track.monitor
     line = work.window[monitor.entries % WINDOW]
-    line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, 1 if used else 0
+    line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, used
     for i in range(dof):
         line.e[i], line.root[i] = work.e[i], work.root[i]
         line.h[i], line.hdot[i], line.own[i] = work.h[i], work.hdot[i], work.own[i]
@@ -116,10 +117,17 @@ def after_update(track: Any, design: Any, work: Any, reading: Any, used: bool) -
         forget_interval(track)
     end_hold(monitor, sensor)
     scale_innovations(track, design, work, sensor, dof)
-    write_entry(track, work, reading, dof, used)
+    write_entry(track, work, reading, dof, 1 if used else 0)
     bank(track, design, work, sensor, dof)
     test_scatter(track, design, work, sensor, dof)
     test_frozen(track, design, work, reading)
+    begin_interval(track)
+
+
+@kernel
+def begin_interval(track: Any) -> None:
+    """What comes next is told from the primary filter as it is now."""
+    monitor = track.monitor
     forget_interval(track)
     for i in range(STATES):
         monitor.x_after[i] = track.x[0, i]
@@ -136,16 +144,25 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
     monitor, reaction, sensor = track.monitor, track.reaction, reading.sensor
     dof = design.dof[sensor]
     end_hold(monitor, sensor)
-    square = strongest = 0.0
+    if monitor.entries == 0:
+        forget_interval(track)
+    write_entry(track, work, reading, dof, LOOKED)
+    move_signatures(track, design, work)
+    begin_interval(track)
+    square = strongest = loudest = 0.0
     for i in range(dof):
         e = work.e[i]
         square += e * e
-        b = min(reaction.shadow_size[sensor, i] / work.root[i], LARGEST_SLOW) if work.root[i] > 0.0 else 0.0
-        strongest = max(strongest, b)
+        error = work.h[i] * reaction.shadow_gain[sensor, i] - work.hdot[i] * reaction.shadow_lag[sensor, i]
+        error += reaction.shadow_size[sensor, i]
+        b = error / work.root[i] if work.root[i] > 0.0 else 0.0
+        b = max(-LARGEST_SLOW, min(b, LARGEST_SLOW))
+        strongest = max(strongest, abs(b))
+        loudest = max(loudest, error * error / design.R[sensor, i] if design.R[sensor, i] > 0.0 else 1.0)
         for k in range(2):
             sign = 1.0 if k == 0 else -1.0
             monitor.shadow[sensor, k] = max(0.0, monitor.shadow[sensor, k] - sign * b * e + 0.5 * b * b)
-    if strongest < DIM and square < LARGEST_SLOW * LARGEST_SLOW * dof:
+    if strongest < DIM and loudest >= 1.0 and square < LARGEST_SLOW * LARGEST_SLOW * dof:
         for k in range(3):
             monitor.shadow[sensor, k] += PATIENT / LIVELY
     else:
@@ -287,6 +304,9 @@ def forget_all(track: Any, desk: Any) -> None:
     desk.review_at = 0
     desk.case_at = 0
     desk.retry_ns = 0
+    desk.refine_ns = 0
+    desk.calm_until = 0
+    desk.calm_for = 0
 
 
 @kernel
@@ -295,6 +315,6 @@ def awaits_judgement(track: Any, desk: Any) -> bool:
     monitor = track.monitor
     if 0 < desk.review_at <= monitor.entries:
         ask(monitor, REVIEW, 0)
-    if 0 < desk.retry_ns <= track.t_ns:
+    if 0 < desk.retry_ns <= track.t_ns or 0 < desk.refine_ns <= track.t_ns:
         ask(monitor, RETRY, 0)
     return bool(monitor.alarm != 0)

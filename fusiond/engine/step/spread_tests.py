@@ -80,6 +80,8 @@ def test_scatter(track: Any, design: Any, work: Any, sensor: int, dof: int) -> N
         limit = tests.pooled_limit[k]
         monitor.pooled[k] = accumulate(monitor.pooled[k], variance_gain(ratio, square, dof), limit)
         if monitor.pooled[k] >= limit:
+            if monitor.alarm == 0:
+                monitor.alarm_cell = k
             ask(monitor, POOLED, sensor)
             monitor.pooled[k] = 0.0
         slope = CORRELATION if k == 0 else -CORRELATION
