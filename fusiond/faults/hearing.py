@@ -33,7 +33,10 @@ from fusiond.types import Kind
 KINDS = (Kind.BIAS, Kind.DRIFT, Kind.SCALE, Kind.DELAY)
 """Lasting errors, in the order of their columns: one of each channel for every kind."""
 LEAST_SHARE = 1e-9
-"""No innovation is surer than this share of its variance without the sensor: rounding must not make it so."""
+"""No innovation is surer than this share of its variance without the sensor: one that is shows that the filter's own
+covariance was changed between its readings (scaled, widened), and then nothing that was heard holds."""
+LARGEST = 1e100
+"""Nor is any error that a unit of a fault causes larger, of a filter that still follows its sensors."""
 
 
 def evidence_dtype(*, errors: int, payload: int) -> np.dtype[Any]:
@@ -68,7 +71,15 @@ def hear(evidence: NDArray[Any], window: NDArray[Any], sensor: int, noise_std: V
     """
     ear = evidence[0]
     for entry in window[(window["t_ns"] > ear["heard_ns"]) & (window["t_ns"] <= until_ns)]:
-        _hear(ear, entry, sensor, noise_std)
+        try:
+            _hear(ear, entry, sensor, noise_std)
+        except Lost:
+            begin(evidence, 0, 0)
+            return
+
+
+class Lost(Exception):
+    """What was heard holds no longer."""
 
 
 def _hear(ear: Any, entry: Any, sensor: int, noise_std: Vector) -> None:
@@ -108,7 +119,9 @@ def _hear_channel(ear: Any, entry: Any, c: int, error: Vector) -> tuple[Matrix, 
         share = float(H @ entry["K"][c])
         S_gain = (S - float(entry["own"][c])) / share if share > 0.0 else S
     nu, g, common = float(entry["e"][c] * entry["root"][c]), entry["K"][c] * S_gain, ear["gap"] @ H
-    S_heard = max(S - float(H @ common), LEAST_SHARE * S)
+    S_heard = S - float(H @ common)
+    if S_heard < LEAST_SHARE * S or not np.all(np.abs(ear["moved"]) < LARGEST):
+        raise Lost
     nu_heard = nu - float(H @ ear["shift"])
     rho = error - H @ ear["moved"]
     ear["information"] += np.outer(rho, rho) / S_heard

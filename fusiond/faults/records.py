@@ -33,7 +33,8 @@ def monitor_dtype(
     garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
     its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from
     it since the last entry, in such variances, and how many were odd;   away, away_count: sum of these deviations, and
-    how many.   refused: (filters, s) readings of a sensor in a row that the gate of each filter refused.
+    how many.   refused: (filters, s) readings of a sensor in a row that the gate of each filter refused,
+    shut_until_ns: until when it does at least.
     shadow: (s, 3) evidence that an excluded sensor has healed.
     """
     n, s, m, c = errors, sensors, payload, cells
@@ -48,7 +49,7 @@ def monitor_dtype(
         ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("away", "<f8", (inputs,)),
         ("away_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
         ("run_h", "<f8", (s, m)), ("held", "<i8", (s,)), ("held_longest", "<i8", (s,)),
-        ("refused", "<i8", (filters, s)), ("shadow", "<f8", (s, 3)),
+        ("refused", "<i8", (filters, s)), ("shut_until_ns", "<i8", (filters, s)), ("shadow", "<f8", (s, 3)),
     ])  # fmt: skip
 
 

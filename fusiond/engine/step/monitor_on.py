@@ -38,6 +38,9 @@ SHORTEST_HOLD, HELD_LONGER = 2, 3
 """A value may be held three times as long as it ever was, and for six readings at least."""
 LOCKED = 64
 """Readings of a sensor that the gate refuses in a row: as many as a judgement has of the slowest sensor."""
+RETURNED_NS = 30 * 1_000_000_000
+"""Shortest time for which a sensor is refused that comes back from a silence with another story: nothing vouches for
+it, and a wrong cluster of fixes after an outage ends sooner."""
 LARGEST_SLOW = 3.0
 """An innovation this many deviations large, or larger, counts as this in the slow variance."""
 
@@ -203,8 +206,12 @@ def note_gate(track: Any, design: Any, row: int, sensor: int, nis: float) -> Non
     if not nis > design.tests.gate[sensor] > 0.0:
         monitor.refused[row, sensor] = 0
         return
+    if monitor.refused[row, sensor] == 0:
+        returned = track.gap_to_ns[sensor] == track.t_ns
+        monitor.shut_until_ns[row, sensor] = track.t_ns + (RETURNED_NS if returned else 0)
     monitor.refused[row, sensor] += 1
-    if monitor.refused[row, sensor] >= LOCKED and np.isfinite(nis):
+    locked = monitor.refused[row, sensor] >= LOCKED and track.t_ns >= monitor.shut_until_ns[row, sensor]
+    if locked and np.isfinite(nis):
         for j in range(ERRORS):
             track.d[row, j] *= nis / design.dof[sensor]
 
