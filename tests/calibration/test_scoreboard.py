@@ -70,10 +70,13 @@ def test_a_drift_is_told_as_the_error_it_has_grown_to():
 
 
 def test_every_open_line_of_the_catalogue_is_counted():
-    row = coverage_row()
-    assert 0.0 < row.value < 1.0
+    proven = "| F1 | GPS step | +20 m | `test` |\n"
+    row = coverage_row(
+        f"# Catalogue\n{proven}| F19 | the filter dies | measured gap | **not measured** yet |\n"
+    )
+    assert (row.value, row.ok) == (0.5, False)
     assert "F19" in row.name
-    assert not row.ok
+    assert coverage_row(proven).ok
 
 
 def test_where_there_are_no_recordings_none_is_measured(monkeypatch, tmp_path):

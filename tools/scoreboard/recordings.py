@@ -133,11 +133,13 @@ def long_row(folder: Path, into: Path) -> Row:
     return Row("10.plaza2", text, worst, "", "", None, f"<= {SCALE_WITHIN}, no other", ok)
 
 
-def coverage_row() -> Row:
-    """Lines of docs/catalogue.md whose proof is a test, of all; that the tests exist a test of the house checks."""
-    page = (CONFIGS.parent / "docs" / "catalogue.md").read_text(encoding="utf-8")
+def coverage_row(page: str) -> Row:
+    """Lines of a catalogue of faults proven as asked, of all: what falls short is in bold there.
+
+    That the tests which docs/catalogue.md names exist a test of the house checks.
+    """
     lines = [line for line in page.splitlines() if line.startswith("| F")]
-    open_ = [line for line in lines if "not proven" in line]
+    open_ = [line for line in lines if "**" in line]
     value, ids = 1.0 - len(open_) / len(lines), sorted({line.split("|")[1].strip() for line in open_})
     text = f"lines of the catalogue of faults proven as asked, of {len(lines)}; not, or not in full: {', '.join(ids)}"
     return Row("10.catalogue", text, value, "of lines", "", None, "1", not open_)
@@ -145,7 +147,8 @@ def coverage_row() -> Row:
 
 def recordings_part(_: Effort) -> Result:
     """What the recordings' sensors are said to be, and how much of the catalogue is proven."""
-    result, folder = Result(rows=[coverage_row()]), data()
+    page = (CONFIGS.parent / "docs" / "catalogue.md").read_text(encoding="utf-8")
+    result, folder = Result(rows=[coverage_row(page)]), data()
     if not folder.is_dir():
         text = "not measured: no recordings (FUSIOND_DATA names no folder)"
         result.rows.append(Row("10.recordings", text, np.nan, "", "", None, "measured", False))
