@@ -131,10 +131,10 @@ def test_a_correction_that_fits_is_kept_and_one_that_does_not_leaves_no_trace():
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_model_that_is_wrong_cannot_lead_the_estimate_away_from_its_only_fixes(seed):
-    """GIVEN straight lines to 0.01 m/s2 and a circle of 1.25 m/s2, THEN it never goes straight on for more than a minute.
+    """GIVEN straight lines to 0.01 m/s2 and a circle of 1.25 m/s2, THEN it never goes on straight for over a minute.
 
-    Corrections that nothing limits led it 1e151 m away; the bounds are those of a filter that sometimes goes astray and
-    always comes back, not of a good one.
+    Corrections that nothing limits led it 1e151 m away; the bounds are those of a filter that sometimes goes astray
+    and always comes back, not of a good one.
     """
     assembly = straight(0.01)
     readings, where = circle(assembly.layout, 120.0, seed)

@@ -77,7 +77,7 @@ def assert_clean(drive):
 
 @pytest.mark.xfail(
     strict=True,
-    reason="after 4 s as one of a set the IMU is named alone, for a scale that the sliding tyres make: on exact states, "
+    reason="after 4 s as one of a set the IMU is named alone, for a scale that sliding tyres make: on exact states, "
     "not on those with noise",
 )
 def test_at_the_limit_of_the_tyres_nobody_is_named(manoeuvre):
