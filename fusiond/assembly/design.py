@@ -169,6 +169,9 @@ def _sensor(resolved: Resolved, number: int, record: np.record) -> None:
     record["R_d"][number, :dof] = d
     record["R"][number, :dof] = np.diag(sensor.R)
     record["lower"][number], record["upper"][number] = -np.inf, np.inf
+    noise = np.sqrt(np.diag(sensor.R))
+    largest = np.where(noise > 0.0, noise / np.finfo(np.float64).eps, np.inf)
+    record["lower"][number, :dof], record["upper"][number, :dof] = -largest, largest
     valid = by_key(section.valid, model.channels, f"sensor.{sensor.name}.valid") if section else {}
     for i, slot in enumerate(model.channels):
         if slot.name in valid:

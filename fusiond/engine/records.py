@@ -178,7 +178,8 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     """What must not be rolled back: clocks of arrival, the ring's marks, and the controller.
 
     ring_first: absolute number of the oldest reading in the ring; ring_count: readings in it.
-    newest_*: newest accepted reading.  odd_*: run of readings that disagree with that clock, from odd_start_ns on.
+    newest_*: newest accepted reading.  lateness_ns: by how much a sensor's readings lately came behind the newest of
+    all.  odd_*: run of readings that disagree with that clock, from odd_start_ns on.
     applied: the newest acknowledgement.   command*: the last command, when it was given, when the next is due, and
     periods of the grid since; sent: the one before.   wanted, done: the last command before its limits, and what became
     of it.   queue: commands that have not acted yet, oldest first; acting: the one that acts now.   memory: the law's
@@ -191,7 +192,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     return record(
         ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
         ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
-        ("odd_start_ns", "<i8"), ("pause", "<i8"), ("replay_from", "<i8"), ("review_at", "<i8"), ("case_at", "<i8"),
+        ("odd_start_ns", "<i8"), ("lateness_ns", "<i8", (s,)), ("pause", "<i8"), ("replay_from", "<i8"), ("review_at", "<i8"), ("case_at", "<i8"),
         ("retry_ns", "<i8"),
         ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
         ("reference_t_ns", "<i8"), ("reference", "<f8", (shape.references,)), ("has_reference", "<i8"),

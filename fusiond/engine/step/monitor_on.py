@@ -35,6 +35,10 @@ SHORTEST_S = 1e-4
 """A missing input's noise is spread over no shorter an interval."""
 SHORTEST_HOLD, HELD_LONGER = 2, 3
 """A value may be held three times as long as it ever was, and for six readings at least."""
+FARTHEST = 1e7
+"""Deviations up to which an innovation is kept as evidence; sums with the squares of larger ones lose all others."""
+STRANGEST = 1e3
+"""Deviations by which one value of an input at most pulls at what is usual of it."""
 LARGEST_SLOW = 3.0
 """An innovation this many deviations large, or larger, counts as this in the slow variance."""
 
@@ -69,7 +73,7 @@ def write_entry(track: Any, work: Any, reading: Any, dof: int, used: bool) -> No
     line = work.window[monitor.entries % WINDOW]
     line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, 1 if used else 0
     for i in range(dof):
-        line.e[i], line.root[i] = work.e[i], work.root[i]
+        line.e[i], line.root[i] = min(max(work.e[i], -FARTHEST), FARTHEST), work.root[i]
         line.h[i], line.hdot[i], line.own[i] = work.h[i], work.hdot[i], work.own[i]
         for j in range(ERRORS):
             line.H[i, j] = work.H[i, j]
@@ -198,6 +202,8 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
         away, variance = reading.z[i] - monitor.usual[sensor, i], monitor.usual_var[sensor, i]
         square = away * away / variance if variance > 0.0 else 0.0
         note_oddity(track, design, sensor, i, square)
+        if square > STRANGEST * STRANGEST:
+            away *= STRANGEST / np.sqrt(square)
         monitor.usual[sensor, i] += share * away
         # what is odd tells little of what is usual, but for ever it cannot stay odd
         monitor.usual_var[sensor, i] += share * variance * (min(square, ODD * ODD) - 1.0)

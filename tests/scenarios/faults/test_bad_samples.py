@@ -94,6 +94,38 @@ def test_what_is_no_number_is_refused_and_the_output_stays_finite(value, sensor)
     assert not run.blamed("y1")
 
 
+@pytest.mark.parametrize("value", [1e300, -1e300, 1e18])
+@pytest.mark.parametrize("sensor", ["y2", "y3"])
+def test_what_is_too_large_to_be_measured_never_gets_in(sensor, value):
+    """A number whose last digit is worth more than the sensor's noise is refused as out of range, one as well as ten."""
+
+    def change(log, layout):
+        log["z"][between(log, layout, sensor, 20.0, 20.0), 0] = value
+        log["z"][between(log, layout, sensor, 30.0, 31.0), 0] = value
+        return log
+
+    run = scene("three_positions").drive(60.0, change=change)
+    assert np.sum(run.reports["verdict"] == Verdict.OUT_OF_RANGE) == 12
+    assert run.named(sensor).kind is Kind.GARBAGE
+    assert run.named(sensor).at_s >= 30.0
+    assert run.last(sensor).health is Health.HEALTHY
+    assert run.worst("position", 5.0) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "blamed"),
+    [("three_positions", "y2.bias=1e13@30+5", "y2"), ("minicar", "accelerometer.bias=1e13@10+0.05", "accelerometer")],
+)
+def test_what_is_just_small_enough_is_named_and_passes(name, fault, blamed):
+    """An error of 1e14 deviations leaves nothing behind: its sensor is out, the estimate as it was, and both return."""
+    run = scene(name).drive(60.0, [fault])
+    assert np.isfinite(run.reports["x"]).all()
+    assert run.blamed(blamed)
+    assert {s.name for s in run.layout.sensors if run.blamed(s.name)} == {blamed}
+    assert run.last(blamed).health is Health.HEALTHY
+    assert run.worst("position", 59.0) < 0.5
+
+
 @pytest.mark.parametrize("variance", [np.nan, np.inf, -1.0])
 def test_a_covariance_that_is_none_is_refused(variance):
     """A reading whose own R is not a number, infinite or negative corrects nothing (F13, F18)."""
