@@ -56,6 +56,10 @@ bench: $(STAMP) ## the figures of docs/benchmarks.md, measured here; ends with o
 scoreboard: $(STAMP) ## how fast and how surely faults are found, over the limit; ends with one JSON object
 	@$(BIN)/python -m tools.scoreboard $(ARGS)
 
+.PHONY: chaos
+chaos: $(STAMP) ## sensors that lie at random on streams in disorder: what must hold whatever happens, and what is counted
+	@$(BIN)/python -m tools.chaos $(ARGS)
+
 # Made on the oldest Python supported, where most packages are needed; the marker lets newer ones leave one out.
 .PHONY: lock
 lock: ## requirements.lock anew, from the newest versions that pyproject.toml allows (use python3.11)

@@ -20,6 +20,8 @@ from fusiond.numerics.kernel import interpreted
 from fusiond.numerics.ud import ud_factor
 from fusiond.types import NANOSECONDS, nanoseconds
 
+DIGITS = 1e10
+"""No instrument has more digits than ten: a number larger than this many deviations is no reading of one."""
 SILENT_PERIODS = 3.0
 """Periods without a reading after which a sensor of known rate is silent, unless the configuration says otherwise."""
 SHORTEST_SILENCE_S = 0.1
@@ -145,6 +147,9 @@ def _sensor(resolved: Resolved, number: int, record: np.record) -> None:
     record["R_d"][number, :dof] = d
     record["R"][number, :dof] = np.diag(sensor.R)
     record["lower"][number], record["upper"][number] = -np.inf, np.inf
+    noise = np.sqrt(np.diag(sensor.R))
+    largest = np.where(noise > 0.0, DIGITS * noise, np.inf)
+    record["lower"][number, :dof], record["upper"][number, :dof] = -largest, largest
     valid = by_key(section.valid, model.channels, f"sensor.{sensor.name}.valid") if section else {}
     for i, slot in enumerate(model.channels):
         if slot.name in valid:

@@ -143,12 +143,14 @@ class Judge:
     def _weigh(self, reactions: Reactions, alarm: Alarm, found: Finding | None = None) -> None:
         """Ask isolation, and do what follows from its answer; alarms within an open case wait for its review.
 
+        A late reading has the same evidence raise its alarm once more: it is not asked again whether that is nothing.
+
         Args:
             found: its answer, where it was asked already.
         """
         engine = reactions.engine
         desk, entries = engine.desk[0], reactions.entries
-        if alarm is not Alarm.REVIEW and entries < desk["review_at"]:
+        if alarm is not Alarm.REVIEW and (entries < desk["review_at"] or entries == desk["nothing_at"]):
             return
         if desk["case_at"] == 0:
             desk["case_at"] = entries
@@ -176,6 +178,8 @@ class Judge:
             desk["review_at"] = entries + max(LEAST * self._step, int(PATIENCE * age))
         else:
             reactions.close()
+            if finding.outcome is Outcome.NOTHING:
+                desk["nothing_at"] = entries
             if finding.outcome in (Outcome.ONE, Outcome.GROUP):
                 self._react(reactions, finding)
 

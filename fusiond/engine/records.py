@@ -180,7 +180,8 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     """What must not be rolled back: clocks of arrival, the ring's marks, and the controller.
 
     ring_first: absolute number of the oldest reading in the ring; ring_count: readings in it.
-    newest_*: newest accepted reading.  odd_*: run of readings that disagree with that clock, from odd_start_ns on.
+    newest_*: newest accepted reading.  lateness_ns: by how much a sensor's readings lately came behind the newest of
+    all.  odd_*: run of readings that disagree with that clock, from odd_start_ns on.
     applied: the newest acknowledgement.   command*: the last command, when it was given, when the next is due, and
     periods of the grid since; sent: the one before.   wanted, done: the last command before its limits, and what became
     of it.   queue: commands that have not acted yet, oldest first; acting: the one that acts now.   memory: the law's
@@ -188,6 +189,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     the command is the safe one (0: it is not), and the last before.   doubt_since_ns: since when no sound sensor
     corrects the state (0: one does).   cost*: mean cost of the commands so far.
     retry_ns, refine_ns: when excluded inputs are looked at again, and open kinds.
+    nothing_at: entries of the window in which isolation last found nothing.
     calm_until, calm_for: entry of the window until which, and entries for which, too little scatter raises no alarm.
     evidence: about the kind of each sensor's fault (faults.hearing), where faults are sought.
     seq_top, seq_seen: highest sequence number of each sensor and which of the 64 up to it came (bit 0: the highest).
@@ -196,8 +198,10 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     return record(
         ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
         ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
-        ("odd_start_ns", "<i8"), ("pause", "<i8"), ("replay_from", "<i8"), ("review_at", "<i8"), ("case_at", "<i8"),
+        ("odd_start_ns", "<i8"), ("lateness_ns", "<i8", (s,)), ("pause", "<i8"), ("replay_from", "<i8"),
+        ("review_at", "<i8"), ("case_at", "<i8"),
         ("retry_ns", "<i8"), ("refine_ns", "<i8"), ("calm_until", "<i8"), ("calm_for", "<i8"),
+        ("nothing_at", "<i8"),
         ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
         ("reference_t_ns", "<i8"), ("reference", "<f8", (shape.references,)), ("has_reference", "<i8"),
         ("applied_t_ns", "<i8"), ("applied", "<f8", (k,)), ("has_applied", "<i8"),

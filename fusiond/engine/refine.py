@@ -111,8 +111,8 @@ def refine_one(
             _say(reactions, sensor, one)
             reactions.take_off_instead(sensor, one.kind, sizes_of(one))
             evidence["matched"] += evidence[0]["information"] @ (taken - reactions.taken(sensor))
-    elif health == Health.EXCLUDED or (
-        another and not ended(one, _stretches(evidence, window, sensor, noise_std))
+    elif (health == Health.EXCLUDED or another) and not ended(
+        one, _stretches(evidence, window, sensor, noise_std)
     ):
         # a sensor whose bias is gone was not biased, if it errs on in another way
         reactions.write("health", Health.EXCLUDED, sensor)

@@ -21,8 +21,9 @@ VALUES = {
     "none at all": (("c", []), Verdict.WRONG_LENGTH),
     "a hair above its range": (("a", [math.nextafter(3.0, 4.0), 0.0]), Verdict.OUT_OF_RANGE),
     "a hair below its range": (("a", [math.nextafter(-2.0, -3.0), 0.0]), Verdict.OUT_OF_RANGE),
-    "the top of its range": (("a", [3.0, 1e300]), Verdict.USED),
-    "the bottom of its range": (("a", [-2.0, -1e300]), Verdict.USED),
+    "the top of its range": (("a", [3.0, 1e6]), Verdict.USED),
+    "more digits than any instrument has": (("a", [0.0, 1e12]), Verdict.OUT_OF_RANGE),
+    "the bottom of its range": (("a", [-2.0, -1e6]), Verdict.USED),
 }
 COVARIANCES = {
     "a negative variance": ([[-0.1, 0.0], [0.0, 1.0]], Verdict.BAD_COVARIANCE),

@@ -23,7 +23,7 @@ def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None
     """Complete the report of one reading or tick."""
     finite = describe_state(track, report)
     describe_resets(track, report)
-    judge_health(track, design, now_ns, finite, report)
+    judge_health(track, desk, design, now_ns, finite, report)
     describe_faults(track, design, report)
     if CONTROLS > 0 and track.started:
         steer(track, desk, design, now_ns, report)

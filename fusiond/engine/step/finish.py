@@ -23,6 +23,9 @@ DEGRADED = int(ServiceHealth.DEGRADED)
 DEAD_RECKONING = int(ServiceHealth.DEAD_RECKONING)
 INVALID = int(ServiceHealth.INVALID)
 
+PATIENCE = 1.5
+"""A reading may come this much later, in times of its sensor's lateness, than its like have come."""
+
 
 @kernel
 def describe_state(track: Any, report: Any) -> bool:
@@ -47,11 +50,16 @@ def describe_resets(track: Any, report: Any) -> None:
 
 
 @kernel
-def judge_health(track: Any, design: Any, now_ns: int, finite: bool, report: Any) -> None:
-    """Write report.health and report.service: silence by the age of data at now_ns, faults as judged."""
+def judge_health(track: Any, desk: Any, design: Any, now_ns: int, finite: bool, report: Any) -> None:
+    """Write report.health and report.service: silence by the age of data at now_ns, faults as judged.
+
+    A sensor whose readings come late is given that time: what it says now it may have measured when it seemed silent.
+    """
     sound = True
     for sensor in range(SENSORS):
-        quiet = is_silent(track, design, sensor, now_ns) or unsteady(track, design, sensor, now_ns)
+        heard_ns = now_ns - int(PATIENCE * desk.lateness_ns[sensor])
+        broken = track.gap_to_ns[sensor] <= heard_ns and unsteady(track, design, sensor, now_ns)
+        quiet = broken or is_silent(track, design, sensor, heard_ns)
         quiet = quiet and track.started != 0
         report.health[sensor] = SILENT if quiet else track.reaction.health[sensor]
         sound = sound and report.health[sensor] == HEALTHY
@@ -87,7 +95,7 @@ def finish(track: Any, desk: Any, design: Any, now_ns: int, report: Any) -> None
     finite = describe_state(track, report)
     describe_resets(track, report)
     report.unobserved = unobserved_states(track, design, now_ns) if track.started else 0
-    judge_health(track, design, now_ns, finite, report)
+    judge_health(track, desk, design, now_ns, finite, report)
     describe_faults(track, design, report)
     if CONTROLS > 0 and track.started:
         steer(track, desk, design, now_ns, report)

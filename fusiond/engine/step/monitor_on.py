@@ -41,6 +41,10 @@ LOCKED = 64
 RETURNED_NS = 30 * 1_000_000_000
 """Shortest time for which a sensor is refused that comes back from a silence with another story: nothing vouches for
 it, and a wrong cluster of fixes after an outage ends sooner."""
+FARTHEST = 1e7
+"""Deviations up to which an innovation is kept as evidence; sums with the squares of larger ones lose all others."""
+STRANGEST = 1e3
+"""Deviations by which one value of an input at most pulls at what is usual of it."""
 LARGEST_SLOW = 3.0
 """An innovation this many deviations large, or larger, counts as this in the slow variance."""
 
@@ -75,7 +79,7 @@ def write_entry(track: Any, work: Any, reading: Any, dof: int, used: int) -> Non
     line = work.window[monitor.entries % WINDOW]
     line.t_ns, line.sensor, line.dof, line.used = reading.t_ns, reading.sensor, dof, used
     for i in range(dof):
-        line.e[i], line.root[i] = work.e[i], work.root[i]
+        line.e[i], line.root[i] = min(max(work.e[i], -FARTHEST), FARTHEST), work.root[i]
         line.h[i], line.hdot[i], line.own[i] = work.h[i], work.hdot[i], work.own[i]
         for j in range(ERRORS):
             line.H[i, j] = work.H[i, j]
@@ -245,6 +249,8 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
             monitor.usual_var[sensor, i] = design.R[sensor, i]
         away, variance = reading.z[i] - monitor.usual[sensor, i], monitor.usual_var[sensor, i]
         square = away * away / variance if variance > 0.0 else 0.0
+        if square > STRANGEST * STRANGEST:
+            away *= STRANGEST / np.sqrt(square)
         note_oddity(track, design, sensor, i, away, square)
         monitor.usual[sensor, i] += share * away
         # what is odd tells little of what is usual, but for ever it cannot stay odd
@@ -313,6 +319,7 @@ def forget_all(track: Any, desk: Any) -> None:
     desk.retry_ns = 0
     desk.refine_ns = 0
     desk.calm_until = 0
+    desk.nothing_at = 0
     desk.calm_for = 0
 
 

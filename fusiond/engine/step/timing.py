@@ -28,6 +28,8 @@ FROM_FUTURE = int(Verdict.FROM_FUTURE)
 NONE = int(Action.NONE)
 RETIMED = int(Action.RETIMED)
 RESET = int(Action.RESET)
+FORGET = 0.002
+"""Share of a sensor's lateness forgotten with each of its readings."""
 LONGEST_GAP_NS = 3600 * NANOSECONDS
 """A longer gap in a recording without arrivals is not predicted over."""
 
@@ -120,7 +122,7 @@ def follow_jump(track: Any, desk: Any, design: Any, marks: Any, reading: Any) ->
 
 @kernel
 def note_stamp(desk: Any, reading: Any) -> None:
-    """Remember an accepted reading as the newest, if it is."""
+    """Remember an accepted reading as the newest, if it is, and by how much its sensor's come behind the newest."""
     desk.odd_count = 0
     if not desk.started or reading.t_ns >= desk.newest_t_ns:
         desk.started = 1
@@ -128,3 +130,5 @@ def note_stamp(desk: Any, reading: Any) -> None:
         if reading["flags"] & HAS_ARRIVAL:
             desk.newest_arrival_ns = reading.arrival_ns
             desk.has_arrival = 1
+    longest, behind_ns = desk.lateness_ns[reading.sensor], desk.newest_t_ns - reading.t_ns
+    desk.lateness_ns[reading.sensor] = max(behind_ns, longest - int(FORGET * longest))

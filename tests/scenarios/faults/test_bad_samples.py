@@ -94,6 +94,43 @@ def test_what_is_no_number_is_refused_and_the_output_stays_finite(value, sensor)
     assert not run.blamed("y1")
 
 
+@pytest.mark.parametrize("value", [1e300, -1e300, 1e12])
+@pytest.mark.parametrize("sensor", ["y2", "y3"])
+def test_what_is_too_large_to_be_measured_never_gets_in(sensor, value):
+    """A number of more digits than instruments have is refused as out of range, one as well as ten; ten are garbage."""
+
+    def change(log, layout):
+        log["z"][between(log, layout, sensor, 20.0, 20.0), 0] = value
+        log["z"][between(log, layout, sensor, 30.0, 31.0), 0] = value
+        return log
+
+    run = scene("three_positions").drive(60.0, change=change)
+    assert np.sum(run.reports["verdict"] == Verdict.OUT_OF_RANGE) == 12
+    assert run.named(sensor).kind is Kind.GARBAGE
+    assert run.named(sensor).at_s >= 30.0
+    assert run.last(sensor).health is Health.HEALTHY
+    assert run.worst("position", 5.0) < 0.5
+
+
+@pytest.mark.parametrize("size", [1e3, 1e5, 1e8])
+def test_an_absurd_reading_leaves_nothing_behind(size):
+    """Errors of up to a thousand million deviations, in a position and in an input: the estimate is where it was."""
+    assert scene("three_positions").drive(60.0, [f"y2.bias={size:g}@30+5"]).worst("position", 5.0) < 0.5
+    car = scene("minicar").drive(60.0, [f"accelerometer.bias={size / 10.0:g}@10+0.05"])
+    assert np.isfinite(car.reports["x"]).all()
+    assert car.worst("position", 59.0) < 0.05
+    assert car.last("accelerometer").health is Health.HEALTHY
+    assert car.last("ultrasonic").health is Health.HEALTHY
+
+
+def test_the_size_of_a_bias_is_what_it_was_before_it_ended():
+    """A bias of 1 km for 5 s: named with it, and still called that when the sensor is on probation."""
+    run = scene("three_positions").drive(60.0, ["y2.bias=1000@30+5"])
+    sizes = [turn.size for turn in run.turns("y2") if turn.health in (Health.EXCLUDED, Health.PROBATION)]
+    assert len(sizes) >= 2
+    assert np.allclose(sizes, 1000.0, atol=0.5)
+
+
 @pytest.mark.parametrize("variance", [np.nan, np.inf, -1.0])
 def test_a_covariance_that_is_none_is_refused(variance):
     """A reading whose own R is not a number, infinite or negative corrects nothing (F13, F18)."""

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fusiond.engine.records import HAS_ARRIVAL
+from fusiond.simulation.registry import simulate
 from fusiond.types import Health
 from tests.scenarios.faults.drive import lasting, scene
+from tools.pages.trials import records
 
 PERIOD_S = 0.1
 LEARNT_S = 100.0
@@ -58,3 +61,21 @@ def test_a_regular_stream_that_begins_to_lose_half_is_called_silent():
     run = scene("three_positions").drive(300.0, ["y1.intermittent=0.5@200"])
     assert run.when("y1", Health.SILENT) > 200.0
     assert run.when("y1", Health.SILENT) <= 202.0
+
+
+@pytest.mark.parametrize(("delay_s", "jitter_s"), [(0.2, 0.0), (0.5, 0.0), (0.0, 0.3)])
+def test_a_sensor_whose_readings_come_late_is_not_called_silent(delay_s, jitter_s):
+    """GIVEN one of three sensors at 10 Hz whose readings are under way for longer than it may be silent, or for a
+    random time that puts them out of order, WHEN that has been so for ten seconds THEN it is not called silent; and
+    when it ends, it is.
+    """
+    here = scene("three_positions")
+    simulation = simulate(
+        "constant_velocity", 0, 100.0, R=(0.01, 0.01, 0.01), inject=["y2.broken@80"],
+        delay_s={"y2": delay_s}, jitter_s={"y2": jitter_s},
+    )  # fmt: skip
+    log = records(here.layout, simulation.readings)
+    log["arrival_ns"], log["flags"] = simulation.arrivals_ns, log["flags"] | HAS_ARRIVAL
+    run = here.run(log, simulation)
+    assert [at_s for at_s in silences(run, 10.0) if at_s < 80.0] == []
+    assert 80.0 < run.when("y2", Health.SILENT, 80.0) <= 80.0 + 0.25 + 2.5 * (delay_s + jitter_s)
