@@ -21,7 +21,7 @@ from fusiond.numerics.ud import ud_factor
 from fusiond.types import NANOSECONDS, nanoseconds
 
 DIGITS = 1e10
-"""No instrument has more digits than ten: a number larger than this many deviations is no reading of one."""
+"""No instrument has more digits than ten: a number of more deviations, and more units, than this is no reading."""
 SILENT_PERIODS = 3.0
 """Periods without a reading after which a sensor of known rate is silent, unless the configuration says otherwise."""
 SHORTEST_SILENCE_S = 0.1
@@ -148,7 +148,7 @@ def _sensor(resolved: Resolved, number: int, record: np.record) -> None:
     record["R"][number, :dof] = np.diag(sensor.R)
     record["lower"][number], record["upper"][number] = -np.inf, np.inf
     noise = np.sqrt(np.diag(sensor.R))
-    largest = np.where(noise > 0.0, DIGITS * noise, np.inf)
+    largest = DIGITS * np.maximum(noise, 1.0)
     record["lower"][number, :dof], record["upper"][number, :dof] = -largest, largest
     valid = by_key(section.valid, model.channels, f"sensor.{sensor.name}.valid") if section else {}
     for i, slot in enumerate(model.channels):
