@@ -291,9 +291,15 @@ class Judge:
             self._blame_model(reactions)
 
     def _blame_model(self, reactions: Reactions) -> None:
-        """No sensor's fault explains the innovations: touch none, and look again after a window."""
+        """No sensor's fault explains the innovations: touch none, and look again ever later, after a window at most.
+
+        Soon at first: a sensor may begin to err while the model is blamed.
+        """
+        desk, entries = reactions.engine.desk[0], reactions.entries
         reactions.write("model", 1)
-        reactions.engine.desk[0]["review_at"] = reactions.entries + self.layout.shape.window
+        desk["case_at"] = desk["case_at"] or entries
+        wait = max(LEAST * self._step, int(PATIENCE * (entries - int(desk["case_at"]))))
+        desk["review_at"] = entries + min(wait, self.layout.shape.window)
 
     def _is_another(self, reactions: Reactions, sensor: int) -> bool:
         """Whether all that is known since the onset says that the error taken off is of another kind."""
