@@ -80,7 +80,7 @@ def _write(result: Result, sensor: str, fault: str, kind: Kind, runs: int, count
     value = count["right"] / can if can else 0.0
     result.rows.append(
         Row(f"{identity}.tellable", what, value, "of these" if can else "no run", "", None, ">= 0.95",
-            not can or value >= 0.95)
+            can > 0 and value >= 0.95)
     )  # fmt: skip
 
 
