@@ -36,7 +36,7 @@ def moving_rows(effort: Effort, result: Result) -> None:
     assembly, plain = configured("planar", {"faults": PROMISE}), configured("planar").engine()
     engine, layout = assembly.engine(), assembly.layout
     for sensor, fault, kind, size, channel in MOVING:
-        number, runs = layout.numbers[sensor], effort.runs(8, 2)
+        number, runs = layout.numbers[sensor], effort.runs(24, 2)
         section = assembly.config.sensor[sensor]
         channels = tuple(range(engine.dof(number))) if channel is None else (channel,)
         lie = Lie(number, kind, size, round(ONSET_S * NANOSECONDS), channels)

