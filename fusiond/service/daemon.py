@@ -135,7 +135,7 @@ class Daemon:
         self._tick_due_ns = self._housekeeping_due_ns = 0
         self._opened = self.sessions = open_sessions(
             settings.mode, settings.listen, settings.connect, multicast=settings.multicast,
-            give_up=lambda: self._stopping,
+            told=settings.told, give_up=lambda: self._stopping,
         )  # fmt: skip
         self._open_keys()
         return self.sessions.endpoints

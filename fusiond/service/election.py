@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 SETTLE_NS = 1_000_000_000
-"""Longest pause between two tries of Zenoh to connect, and until a silent link is taken for cut (`sessions`)."""
+"""Time until a silent link is taken for cut, longer than any pause between two tries to connect (`sessions`)."""
 
 
 class Move(Enum):
