@@ -1,42 +1,27 @@
 """`make bench`: every cost fusiond promises, measured in one run; the last line is one JSON object.
 
 `python -m tools.bench --write docs/benchmarks.md` also writes the page. Ratios are taken against a named peer in the
-same run, since machines differ and are noisy; `--only step` measures a part.
+same run, since machines differ and are noisy; `--only step` measures a part, and leaves the page's other rows.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
+import signal
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
+from dataclasses import asdict
 from pathlib import Path
 
+from fusiond.config import ServiceSection
 from tools.bench_engine import bench_control, bench_memory, bench_replay, bench_start, bench_step
+from tools.bench_failover import bench_failover
 from tools.bench_loop import bench_command_age, bench_judging
+from tools.bench_page import Row, page_of, table
 from tools.bench_service import bench_round_trip, bench_throughput
 
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One promise: what was measured, against whom, and what was to be reached.
-
-    Args:
-        ratio: value over the peer's, None without a peer.   reach: the promise.   ok: whether it is kept.
-    """
-
-    id: str
-    name: str
-    value: float
-    unit: str
-    against: str
-    ratio: float | None
-    reach: str
-    ok: bool
+TAKEOVER_MS = 1e3 * ServiceSection().takeover_s
 
 
 def step_rows() -> list[Row]:
@@ -140,53 +125,31 @@ def memory_rows() -> list[Row]:
     return [Row("2.memory", name, growth, "MiB", "", None, "<= 1", growth <= 1.0)]
 
 
+def failover_rows() -> list[Row]:
+    """What consumers miss when the daemon that speaks is killed, or hangs."""
+    killed, hung = bench_failover(signal.SIGKILL, 20), bench_failover(signal.SIGSTOP, 5)
+    return [
+        Row("4.failover.kill", _missed("killed", killed, 20), killed["median_ms"], "ms",
+            "a bare socket of the killed process closes", killed["median_ms"] / killed["closed_median_ms"],
+            "published", True),
+        Row("4.failover.hang", _missed("stopped", hung, 5), hung["median_ms"], "ms", "takeover_s",
+            hung["median_ms"] / TAKEOVER_MS, "published", True),
+    ]  # fmt: skip
+
+
+def _missed(how: str, found: dict[str, float], times: int) -> str:
+    return (
+        f"time without an estimate beyond the period, 200 Hz, where the one of two daemons that speaks is {how}, "
+        f"median of {times}; worst: {found['worst_ms']:.1f}; nobody {how}: {found['quiet_median_ms']:.1f}, worst "
+        f"{found['quiet_worst_ms']:.1f}; readings without an estimate: {found['missing']} of {found['readings']} "
+        f"({found['missing_elsewhere']} at other times); numbers said twice: {found['twice']}"
+    )
+
+
 PARTS: dict[str, Callable[[], list[Row]]] = {
     "step": step_rows, "replay": replay_rows, "daemon": daemon_rows, "command": command_rows,
-    "start": start_rows, "memory": memory_rows,
+    "start": start_rows, "memory": memory_rows, "failover": failover_rows,
 }  # fmt: skip
-
-
-DAEMON = (
-    " The daemon's rates and round trip are those of the mini car without `[faults]`: "
-    "a paced stream of one sensor is no car's. A command's age is that of a car in its loop, with `[faults]`."
-)
-"""How the daemon is configured that is measured."""
-REMARKS = {
-    "2.daemon.rtt.p50": "Missed by the median round trip: repeated runs give 1.5 to 1.7 times a bare echo. Tried: no "
-    "hand-over between threads, numba's dispatcher bypassed, health and counters after the put, one session for "
-    "readings and estimates. Where the rest of the distance to the echo goes is not explained.",
-}
-"""What is known of a promise that is not kept."""
-
-
-def remarks(rows: list[Row]) -> str:
-    """A paragraph for every missed promise of which something is known."""
-    missed = (REMARKS[row.id] for row in rows if not row.ok and row.id in REMARKS)
-    return "".join(f"\n{text}\n" for text in missed)
-
-
-def table(rows: list[Row]) -> str:
-    """The rows as Markdown."""
-    lines = ["| what | measured | against | ratio | reach | |", "|---|---|---|---|---|---|"]
-    for row in rows:
-        ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
-        kept = "yes" if row.ok else "**no**"
-        lines.append(
-            f"| {row.name} | {row.value:,.4g} {row.unit} | {row.against} | {ratio} | {row.reach} | {kept} |"
-        )
-    return "\n".join(lines)
-
-
-def machine() -> str:
-    """The machine in one line."""
-    model = platform.machine()
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.is_file():
-        names = [
-            line.split(":", 1)[1].strip() for line in cpuinfo.read_text().splitlines() if "model name" in line
-        ]
-        model = names[0] if names else model
-    return f"{os.cpu_count()} cores, {model}, {platform.system()}, Python {platform.python_version()}"
 
 
 def main() -> None:
@@ -201,10 +164,8 @@ def main() -> None:
         rows += PARTS[part]()
     print(table(rows), file=sys.stderr)
     if chosen.write:
-        day = datetime.now(UTC).date()
-        head = f"# Benchmarks\n\nMeasured by `make bench` on {day}: {machine()}.{DAEMON}"
-        page = f"{head}\n\n{table(rows)}\n{remarks(rows)}"
-        chosen.write.write_text(page, encoding="utf-8")
+        earlier = chosen.write.read_text(encoding="utf-8") if chosen.only and chosen.write.is_file() else ""
+        chosen.write.write_text(page_of(rows, earlier), encoding="utf-8")
     print(json.dumps({"rows": [asdict(row) for row in rows]}))
 
 

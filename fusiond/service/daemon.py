@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import zenoh
@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from fusiond.engine.noise_learnt import Learnt, learnt, recall
 from fusiond.engine.records import HAS_ARRIVAL
-from fusiond.recording.fault_words import fault_text
 from fusiond.service.admin import Admin
 from fusiond.service.clock import Clock
 from fusiond.service.command_output import CommandOutput, fallback_of
 from fusiond.service.command_watch import CommandWatch
+from fusiond.service.complaints import Complaints
 from fusiond.service.cost_watch import CostWatch
 from fusiond.service.counters import Counters
 from fusiond.service.group import Group
@@ -30,42 +30,23 @@ from fusiond.service.mailbox import Arrival, Mailbox
 from fusiond.service.node_watch import NodeWatch
 from fusiond.service.notify import Notifier
 from fusiond.service.outputs import Outputs
+from fusiond.service.recorder import Recorder
 from fusiond.service.report_ring import ReportRing
 from fusiond.service.sessions import Sessions, open_sessions
 from fusiond.service.settings import Settings, settings_of
 from fusiond.service.status import configuration, status
 from fusiond.service.telemetry import Voice
+from fusiond.service.ticks import Ticks
 from fusiond.service.tracklet_outputs import TrackletOutputs
+from fusiond.service.transition_words import words_of
 from fusiond.service.why import why
 from fusiond.service.wire import Decoder, take
-from fusiond.types import RESET, TICK, Health, ServiceHealth, seconds
+from fusiond.types import RESET, TICK, seconds
 
-WHY = {
-    ServiceHealth.DEGRADED.label: "; a sensor is silent, faulty or not used",
-    ServiceHealth.DEAD_RECKONING.label: "; nothing corrected the state within health.dead_reckoning_s",
-    ServiceHealth.INVALID.label: "; reset, not finite, or nothing corrected the state within health.invalid_s",
-}
-MODEL = "; no sensor explains the innovations, the model does not describe what is measured"
 HOUSEKEEPING_NS = 1_000_000_000
 LONGEST_WAIT_NS = 100_000_000
 """Longest sleep of the loop: a stop, and the watchdog, never wait longer."""
 JOIN_S = 0.2
-
-
-class Recorder(Protocol):
-    """Where the daemon writes what it decided; never makes it wait (`recording.background.BackgroundWriter`)."""
-
-    dropped: dict[str, int]
-    error: str
-
-    def put_readings(self, block: NDArray[Any]) -> bool:
-        """Readings and ticks, in the order processed."""
-
-    def put_reports(self, block: NDArray[Any]) -> bool:
-        """Their reports."""
-
-    def put_message(self, topic: str, payload: bytes, t_ns: int, log_time_ns: int) -> bool:
-        """A JSON message that went out."""
 
 
 class Daemon:
@@ -126,16 +107,14 @@ class Daemon:
         self.started_ns = self.clock.now_ns()
         alone = settings.rank is None
         self.lease = Lease(self.started_ns // 1_000_000, held=alone, clock=self.clock)
-        self._complained: dict[str, int] = {}
         self._decoder, self._counters, self._watch = Decoder(layout), Counters(layout), HealthWatch(layout)
         self._nodes, self._ring = NodeWatch(layout, settings.nodes), ReportRing(layout)
         self._event = np.zeros(1, layout.reading)
         self._event["flags"] = HAS_ARRIVAL
-        self._tick_period_ns = round(1e9 / settings.tick_hz)
-        self._tick_due_ns = self._housekeeping_due_ns = 0
+        self._ticks, self._housekeeping_due_ns = Ticks(self.engine.desk, settings.tick_hz), 0
         self._opened = self.sessions = open_sessions(
             settings.mode, settings.listen, settings.connect, multicast=settings.multicast,
-            give_up=lambda: self._stopping,
+            told=settings.told, give_up=lambda: self._stopping,
         )  # fmt: skip
         self._open_keys()
         return self.sessions.endpoints
@@ -168,7 +147,7 @@ class Daemon:
     def round(self) -> None:
         """Wait for the next deadline or the bell; then, with the baton, answer, let time pass, keep house."""
         now_ns = self.clock.now_ns()
-        due_ns = min(self._tick_due_ns, self._housekeeping_due_ns, now_ns + LONGEST_WAIT_NS)
+        due_ns = min(self._ticks.due_ns, self._housekeeping_due_ns, now_ns + LONGEST_WAIT_NS)
         with suppress(Empty):
             self._bell.get(timeout=max(0, due_ns - now_ns) / 1e9)
         with self.mailbox.baton:
@@ -177,7 +156,7 @@ class Daemon:
             now_ns = self.clock.now_ns()
             if self._group is not None:
                 self._group.look(now_ns)
-            if now_ns >= self._tick_due_ns and not len(self.mailbox):
+            if now_ns >= self._ticks.due_ns and not len(self.mailbox):
                 self._let_time_pass(now_ns)
             if now_ns >= self._housekeeping_due_ns:
                 self._keep_house(now_ns)
@@ -198,6 +177,14 @@ class Daemon:
             record_hz=settings.record_hz, packed=settings.packed, derived=self.engine.outputs,
             commands=self._commands, say=self._say if self._recorder else None, heed=self._heed,
         )  # fmt: skip
+        self._complaints = Complaints(
+            self.voice,
+            self._decoder.refusals,
+            self.mailbox,
+            self._commands,
+            settings.deadline_s,
+            self._recorder,
+        )
         self._locals = LocalOutputs(
             self.sessions.control, self.engine, settings.prefix, lease=self.lease, publish_hz=settings.publish_hz,
         )  # fmt: skip
@@ -300,17 +287,10 @@ class Daemon:
         return reports
 
     def _let_time_pass(self, now_ns: int) -> None:
-        """Where no accepted reading says how late it is, a tick does: the newest stamp plus what passed since."""
-        self._tick_due_ns = now_ns + self._tick_period_ns
-        desk = self.engine.desk
-        if not desk["has_arrival"][0]:
-            return
-        passed_ns = now_ns - int(desk["newest_arrival_ns"][0])
-        if passed_ns < self._tick_period_ns:
-            self._tick_due_ns = now_ns - passed_ns + self._tick_period_ns
-            return
-        self._counters.ticks += 1
-        self._happen(TICK, int(desk["newest_t_ns"][0]) + passed_ns, now_ns)
+        t_ns = self._ticks.stamp_ns(now_ns)
+        if t_ns is not None:
+            self._counters.ticks += 1
+            self._happen(TICK, t_ns, now_ns)
 
     def _happen(self, event: int, t_ns: int, now_ns: int) -> None:
         """Process an event like a reading: a replay of the recording meets it at the same place."""
@@ -326,47 +306,13 @@ class Daemon:
         self._cost.observe(self._watch.sensors)
         self._locals.look_who_asks()
         self._counters.rate(now_ns)
-        self._complain(now_ns)
-
-    def _complain(self, now_ns: int) -> None:
-        for verdict, count in self._decoder.refusals.counts.items():
-            first = self._decoder.refusals.first[verdict]
-            self._complain_of(
-                f"refused {verdict.label}", count, now_ns,
-                f"intake: {count} refused as {verdict.label}, the first from {first}; correct the sender",
-            )  # fmt: skip
-        dropped = self.mailbox.dropped
-        missed = self._commands.missed
-        self._complain_of(
-            "late", missed, now_ns,
-            f"control: {missed} safe commands sent because the loop was late (limit {self.settings.deadline_s} s); "
-            "lighten the load, or raise control.deadline_s",
-        )  # fmt: skip
-        self._complain_of(
-            "dropped", dropped, now_ns,
-            f"intake: {dropped} puts dropped (limit {self.mailbox.capacity} waiting); pack several readings in a put, "
-            "or raise service.ring",
-        )  # fmt: skip
-        if self._recorder is not None and self._recorder.error:
-            self.voice.warn("recording", now_ns, self._recorder.error)
-
-    def _complain_of(self, kind: str, count: int, now_ns: int, text: str) -> None:
-        """Say that a count has grown since it was last said."""
-        if count != self._complained.get(kind, 0) and self.voice.warn(kind, now_ns, text):
-            self._complained[kind] = count
+        self._complaints.look(now_ns)
 
     def _tell(self, change: Transition) -> None:
+        number = self.assembly.layout.numbers[change.sensor] if change.sensor else 0
         subject = self._nodes.subject(change.sensor) if change.sensor else "service"
-        text = f"{subject}: {change.before} -> {change.after}"
-        if change.sensor is None:
-            text += MODEL if change.model else WHY.get(change.after, "")
-        elif change.after == Health.SILENT.label:
-            number = self.assembly.layout.numbers[change.sensor]
-            limit_s = seconds(int(self.assembly.design["silence_ns"][0, number]))
-            text = f"{subject}: silent (limit {limit_s:g} s); withheld until its next reading"
-        elif change.fault is not None:
-            text += f"; {fault_text(change.fault)}"
-        self.voice.info(text, t_s=change.t_ns / 1e9)
+        silence_s = seconds(int(self.assembly.design["silence_ns"][0, number]))
+        self.voice.info(words_of(change, subject, silence_s), t_s=change.t_ns / 1e9)
 
     def _say(self, topic: str, payload: bytes, t_ns: int) -> None:
         assert self._recorder is not None

@@ -10,7 +10,7 @@ carries its epoch, and it gives a sign of life ten times in `limit_ns`. What a d
 | standby | an active without a sign of life for `limit_ns` | takes over, in the same order |
 | standby | no active, and it has just started, or come back | takes over after `settle_ns`, and half for each rank |
 | active | an active with a stronger claim, or outside of any group | steps down |
-| active | that it was away itself for `term_ns`, and others are there | steps down |
+| active | that it was away itself for `term_ns`, and others are there, or were before | steps down |
 
 The stronger claim is the later epoch, of equal ones the lower rank: consumers follow the latest epoch, so that the one
 they already believe goes on. A daemon that was away (stopped, starved) has seen nothing of what happened meanwhile, and
@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 SETTLE_NS = 1_000_000_000
-"""Longest pause between two tries of Zenoh to connect, and until a silent link is taken for cut (`sessions`)."""
+"""Time until a silent link is taken for cut, longer than any pause between two tries to connect (`sessions`)."""
 
 
 class Move(Enum):
@@ -61,7 +61,8 @@ class Election:
     Args:
         limit_ns: longest time without a sign of life of an active.   settle_ns: time in which links are made.
     `epoch` is set by whoever carries out a move; None: this daemon stands by. `leader`: the active last seen.
-    `term_ns`: how long an active may speak after a look: others take a link that is silent for a second for cut.
+    `term_ns`: how long an active may speak after a look: less than both times after which others take it for gone,
+    since they count from its last sign of life, up to a tenth of a term before the look.
     `cause`: of the last take-over: `gone`, `silent`, or `first`, where there was nobody to take over from.
     """
 
@@ -70,8 +71,9 @@ class Election:
         self.epoch: int | None = None
         self.leader: Member | None = None
         self.cause = "first"
-        self.term_ns = min(limit_ns, settle_ns)
+        self.term_ns = min(limit_ns, settle_ns) * 4 // 5
         self._looked_ns: int | None = None
+        self._accompanied = False
         self._heard_ns = 0
         self._nobody_since_ns: int | None = None
         self._back_ns: int | None = None
@@ -86,11 +88,13 @@ class Election:
         away_ns = 0 if self._looked_ns is None else now_ns - self._looked_ns
         self._looked_ns = now_ns
         others = [one for one in members if one.id != self.id]
+        # Its links may have been cut meanwhile: who was there before counts as there.
+        accompanied, self._accompanied = bool(others) or self._accompanied, bool(others)
         leader = max((one for one in others if one.epoch is not None), key=lambda m: m.claim, default=None)
         if self.epoch is not None:
             mine = Member(self.rank, self.id, self.epoch)
             stronger = leader is not None and leader.claim > mine.claim
-            if not stronger and not (others and away_ns > self.term_ns):
+            if not stronger and not (accompanied and away_ns > self.term_ns):
                 return Move.STAY
             self.leader, self._heard_ns, self._nobody_since_ns = leader, now_ns, None
             self._back_ns = now_ns

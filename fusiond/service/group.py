@@ -20,14 +20,13 @@ from fusiond.service.lease import Lease
 from fusiond.service.members import TOPICS, Members
 from fusiond.service.outputs import Outputs
 from fusiond.service.telemetry import Voice
-from fusiond.service.twin import Said, Twin, close, command_said, estimate_said
+from fusiond.service.twin import SAID, Twin, close, estimate_said, said_in
 
 PULSES = 10
 """Signs of life in the time that a lease lasts."""
 OUT_OF_STEP_NS = 1_000_000_000
 """How long a standby may differ before it asks for another checkpoint: late readings make it differ for a moment."""
 ASK_S = 2.0
-SAID: dict[str, Callable[[Mapping[str, Any]], Said]] = {"estimate": estimate_said, "control": command_said}
 
 
 class Body(Protocol):
@@ -135,11 +134,14 @@ class Group:
         content = self._members.said(topic)
         if content is None or content["epoch"] < epoch:
             return
-        self._heard[topic] = content
         if topic not in self._twins:
+            self._heard[topic] = content
             self._outputs.at_least(topic, content["seq"])
             return
-        other = SAID[topic](content)
+        other = said_in(topic, content)
+        if other is None:
+            return
+        self._heard[topic] = content
         own = self._twins[topic].beside(other)
         if own is None:
             self._outputs.at_least(topic, other.seq)

@@ -22,6 +22,8 @@ from fusiond.service.outlet import JSON, declare
 from fusiond.service.tracklet_outputs import content_of
 
 TOPICS = ("estimate", "control", "health", "event")
+HEAD = ("t_ns", "seq", "epoch")
+"""What every message carries."""
 PULSES = 16
 """Signs of life kept between two looks."""
 REMOTE = zenoh.Locality.REMOTE
@@ -93,9 +95,11 @@ class Members:
         """Who gave a sign of life since this was last asked, with the numbers it had reached."""
         found = {}
         while (sample := self._pulses.try_recv()) is not None:
-            with suppress(ValueError, TypeError, KeyError, RecursionError):
+            with suppress(ValueError, TypeError, KeyError, RecursionError, OverflowError):
                 content = json.loads(sample.payload.to_bytes())
-                found[str(content["id"])] = dict(content["seq"])
+                found[str(content["id"])] = {
+                    str(topic): int(seq) for topic, seq in dict(content["seq"]).items()
+                }
         return found
 
     def said(self, topic: str) -> Mapping[str, Any] | None:
@@ -104,10 +108,10 @@ class Members:
         if sample is None:
             return None
         try:
-            content = content_of(sample)
+            content: Any = content_of(sample)
         except (ValueError, RecursionError):
             return None
-        sound = all(isinstance(content.get(name), int) for name in ("t_ns", "seq", "epoch"))
+        sound = isinstance(content, dict) and all(isinstance(content.get(name), int) for name in HEAD)
         return content if sound else None
 
     def _take(self, sample: zenoh.Sample) -> None:

@@ -25,6 +25,8 @@ from fusiond.service.endpoints import checked_endpoint
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 1000
 """A peer that has stopped is noticed after this long; every side announces its own. `election.SETTLE_NS` is as long."""
+RETRY_MS = 250
+"""Longest pause between two tries to connect: well within the time that a daemon looks for others of its group."""
 RETRY_S = 0.1
 POLL_S = 0.01
 OPEN_TIMEOUT_S = 10.0
@@ -36,22 +38,41 @@ Endpoints = str | Sequence[str]
 
 
 def session_options(
-    mode: str, listen: Sequence[str] = (), connect: Sequence[str] = (), *, multicast: bool = False
+    mode: str,
+    listen: Sequence[str] = (),
+    connect: Sequence[str] = (),
+    *,
+    multicast: bool = False,
+    told: bool = True,
 ) -> Options:
-    """The settings every session of fusiond shares (`transport/shared_memory` off: records are far too small)."""
+    """The settings every session of fusiond shares. Shared memory is off: records are far too small for it.
+
+    Args:
+        told: whether a peer connects to those that others tell of, beside those named.
+    Of two ends that listen only one connects: where both do, Zenoh 1.10 may take the new link of one for another of a
+    transport that is cut, and from then on give out what comes over it under wrong keys.
+    """
+    strategy = "greater-zid" if listen else "always"
     return {
         "mode": mode,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
         "scouting/multicast/enabled": multicast,
         "scouting/gossip/enabled": True,
+        "scouting/gossip/autoconnect": {
+            "router": [],
+            "peer": ["router", "peer"] if told else [],
+            "client": [],
+        },
+        "scouting/gossip/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": strategy}},
+        "scouting/multicast/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": strategy}},
         "scouting/delay": 500 if multicast else 0,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/keep_alive": 4,
         "connect/timeout_ms": 0 if mode == "client" else -1,
         "connect/exit_on_failure": mode == "client",
-        "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000},
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": RETRY_MS},
     }
 
 
@@ -164,16 +185,17 @@ def open_sessions(
     connect: Sequence[str],
     *,
     multicast: bool = False,
+    told: bool = True,
     give_up: Callable[[], bool] = lambda: False,
 ) -> Sessions:
-    """Open what the daemon needs. Raises: ConnectionFailed."""
+    """Open what the daemon needs, as `session_options` has it. Raises: ConnectionFailed."""
     if mode == "client":
         return _open_client(connect, give_up)
     private = Path(tempfile.mkdtemp(prefix="fusiond-"))
     inner = f"unixsock-stream/{private}/admin.sock"
     opened: list[zenoh.Session] = []
     try:
-        options = session_options(mode, [*listen, inner], connect, multicast=multicast) | {
+        options = session_options(mode, [*listen, inner], connect, multicast=multicast, told=told) | {
             "adminspace/enabled": True,
             "adminspace/permissions/read": True,
             "adminspace/permissions/write": False,

@@ -23,6 +23,7 @@ class Settings:
         prefix: namespace of every key.      keys: key expression of every sensor, by name.
         role: `alone`, `node` or `center`.      nodes: of a center, the sensors of each.
         deadline_s: time without a command after which the safe one goes out; None without control.
+        told: whether to connect also to whom others tell of; in a group every daemon is named.
         rank: in the group, None for a daemon alone.   takeover_ns: how long the active one may be silent.
         sends: of a node, the key on which each of its updating sensors' tracklets go out, by name.
     """
@@ -32,6 +33,7 @@ class Settings:
     listen: tuple[str, ...]
     connect: tuple[str, ...]
     multicast: bool
+    told: bool
     publish_hz: float
     packed: bool
     ring: int
@@ -59,6 +61,7 @@ def settings_of(
         listen=_endpoints(listen, of_group[0], "listen"),
         connect=_endpoints(connect, of_group[1], "connect"),
         multicast=service.multicast,
+        told=not service.group,
         publish_hz=service.publish_hz,
         packed=service.format == "record",
         ring=service.ring,
@@ -91,11 +94,13 @@ def rank_of(service: Any, said: int | None) -> int | None:
 
 
 def endpoints_of(service: Any, rank: int | None) -> tuple[Sequence[str], Sequence[str]]:
-    """Where the configuration has a daemon of this rank listen, and connect to."""
+    """Where the configuration has a daemon of this rank listen, and connect to.
+
+    Of two daemons of a group only the one of the higher rank number connects (`sessions.session_options` has why).
+    """
     if rank is None or not service.group or service.mode == "client":
         return service.listen, service.connect
-    others = [one for place, one in enumerate(service.group) if place != rank]
-    return [service.group[rank]], [*others, *service.connect]
+    return [service.group[rank]], [*service.group[:rank], *service.connect]
 
 
 def _endpoints(given: Sequence[str], configured: Sequence[str], what: str) -> tuple[str, ...]:

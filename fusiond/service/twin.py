@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,8 +40,19 @@ def command_said(content: Mapping[str, Any]) -> Said:
     return Said(int(content["t_ns"]), int(content["seq"]), values, values)
 
 
+SAID: dict[str, Callable[[Mapping[str, Any]], Said]] = {"estimate": estimate_said, "control": command_said}
+
+
+def said_in(topic: str, content: Mapping[str, Any]) -> Said | None:
+    """What a message from outside says, None where it is none of its topic."""
+    try:
+        return SAID[topic](content)
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
+
+
 def _numbers(part: Mapping[str, float] | Sequence[float]) -> tuple[float, ...]:
-    return tuple(part.values()) if isinstance(part, Mapping) else tuple(part)
+    return tuple(float(one) for one in (part.values() if isinstance(part, Mapping) else part))
 
 
 def close(own: Said, other: Said) -> bool:

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from fusiond.service.election import Election, Member, Move
+from fusiond.service.group import PULSES
 from fusiond.service.members import member_of, token_of
 
 LIMIT, SETTLE, LOOK = 1000, 600, 50
@@ -136,6 +137,24 @@ def test_an_active_that_was_held_up_steps_down_where_others_are_there():
     assert watched.look([Member(1, "b")]) is Move.STEP_DOWN
 
 
+def test_an_active_that_was_held_up_steps_down_where_others_were_there_before():
+    """Their tokens are gone with its links, which they have cut: they may have taken over."""
+    mine = Standby(0)
+    mine.election.epoch = 9
+    assert mine.look([Member(1, "b")]) is Move.STAY
+    mine.now += mine.election.term_ns
+    assert mine.look([]) is Move.STEP_DOWN
+
+
+def test_an_active_that_was_alone_stays_whatever_holds_it_up():
+    mine = Standby(0)
+    mine.election.epoch = 9
+    assert mine.look([Member(1, "b")]) is Move.STAY
+    assert mine.look([]) is Move.STAY
+    mine.now += 10 * LIMIT
+    assert mine.look([]) is Move.STAY
+
+
 @pytest.mark.parametrize("member", [Member(3, "c0ffee"), Member(0, "c0ffee", 1_700_000_000_000)])
 def test_a_token_says_who_it_is(member):
     assert member_of(f"fusiond/bench/{token_of(member)}") == member
@@ -150,3 +169,10 @@ def test_a_daemon_outside_of_any_group_has_the_strongest_claim():
     alone = member_of("x/alive/fusion/c0ffee")
     assert alone.claim > Member(0, "a", 1 << 60).claim
     assert not alone.pulses
+
+
+@pytest.mark.parametrize(("limit", "settle"), [(1000, 600), (300, 1000), (1000, 1000)])
+def test_a_lease_is_over_before_others_take_its_holder_for_gone(limit, settle):
+    """Others count from its last sign of life, up to a tenth of a term before the lease was renewed."""
+    holder = Election(0, "a", limit, settle)
+    assert holder.term_ns + holder.term_ns / PULSES < min(limit, settle)

@@ -420,6 +420,69 @@ def test_a_rank_beyond_the_group_is_the_operators_mistake(config):
         settings_of(assembly.config, assembly.layout, (), (), 1)
 
 
+def test_of_every_two_daemons_of_a_group_one_connects_to_the_other(config):
+    """Were both to connect, a link made anew after one has hung could carry messages under wrong keys."""
+    endpoints = [f"tcp/127.0.0.1:{7447 + k}" for k in range(3)]
+    text = config.read_text(encoding="utf-8") + f"group = {json.dumps(endpoints)}\n"
+    config.write_text(text, encoding="utf-8")
+    assembly = load(config)
+    found = [settings_of(assembly.config, assembly.layout, (), (), rank) for rank in range(3)]
+    assert [one.listen for one in found] == [(one,) for one in endpoints]
+    dialled = [{endpoints[rank], other} for rank, one in enumerate(found) for other in one.connect]
+    assert sorted(map(sorted, dialled)) == [endpoints[:2], endpoints[::2], endpoints[1:]]
+
+
+NONSENSE = [
+    b"[]",
+    b"{",
+    b"7",
+    b'{"t_ns": 1, "seq": 1, "epoch": %d}',
+    b'{"t_ns": 1, "seq": 1, "epoch": %d, "u": "x"}',
+]
+"""Of which a daemon must take none for a message; with the latest epoch there is."""
+
+
+def test_what_is_no_message_on_the_keys_of_the_outputs_ends_nobody(pair):
+    """A standby reads what the active one says: whatever else comes there, it goes on, and takes over."""
+    both = pair()
+    both.send(20)
+    stranger = both.ultrasonic.session
+    for topic in OUT:
+        for payload in NONSENSE:
+            text = payload.replace(b"%d", str(2**62).encode())
+            stranger.put(f"fusiond/bench/{topic}", text, encoding="application/json")
+    stranger.put("fusiond/bench/pulse", '{"id": "f", "seq": {"estimate": "x"}}')
+    both.send(20)
+    assert both.member(1)["in_step"]
+    both.daemons[0].process.kill()
+    both.send(20)
+    assert not both.unanswered()
+    assert both.takeover()["in_step"] is True
+
+
+def test_of_readings_in_flight_at_a_kill_the_newest_has_its_estimate(pair, wire):
+    """Between the kill and the take-over the newest reading alone is answered, after it every one; nothing twice."""
+    both = pair()
+    both.send(20)
+    heard = wire(both.endpoints, "estimate")
+    in_flight = []
+    for k in range(30):
+        if k == 10:
+            both.daemons[0].process.kill()
+        in_flight.append(both.stamps[-1] + STEP_NS * (k + 1))
+        both.accelerometer.publish([0.0], in_flight[-1])
+        both.ultrasonic.publish([both.position_m], in_flight[-1])
+    both.wait_for(in_flight[-1])
+    last = when(lambda: both.state(1), lambda state: state == "active")
+    both.stamps.append(in_flight[-1])
+    both.send(20)
+    assert last == "active"
+    assert not both.unanswered()
+    both.check_numbers()
+    numbers = [(one["epoch"], one["seq"]) for _, one in heard.heard]
+    assert len(numbers) == len(set(numbers))
+
+
 def asked(endpoint: str, what: str) -> Any:
     """A daemon's answer, None where nobody answers yet."""
     try:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.bench import machine, table
+from tools.bench_page import machine, table
 from tools.pages.figures import figure
 from tools.scoreboard.__main__ import together
 from tools.scoreboard.board import FULL, QUICK

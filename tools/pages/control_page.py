@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from tools.bench import machine, table
+from tools.bench_page import machine, table
 from tools.pages.figures import figure
 from tools.scoreboard.board import FULL, QUICK, Result
 from tools.scoreboard.control import control_part

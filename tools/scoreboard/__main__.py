@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
-from tools.bench import table
+from tools.bench_page import table
 from tools.scoreboard.adaptation import adaptation_faults_part, adaptation_part
 from tools.scoreboard.board import FULL, QUICK, Effort, Part, Result
 from tools.scoreboard.control import control_part

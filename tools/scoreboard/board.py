@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from tools.bench import Row
+from tools.bench_page import Row
 
 __all__ = ["Effort", "Part", "Result", "Row"]
 

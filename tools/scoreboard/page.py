@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tools.bench import machine, table
+from tools.bench_page import machine, table
 from tools.scoreboard.board import Result, Row
 from tools.scoreboard.pictures import draw
 
