@@ -375,13 +375,18 @@ class Judge:
         return bool(reactions.reaction["kind"][sensor] == Kind.NOISE and reactions.engine.adapts(sensor))
 
     def _unusable(self, reactions: Reactions, sensor: int, kind: Kind) -> None:
-        """Its readings are frozen, or cannot be used at all."""
+        """Its readings are frozen, or cannot be used at all.
+
+        Where it cannot be done without, a filter that never heard it knows too little to take over.
+        """
         if sensor in reactions.out():
             return
         onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
         reactions.close()
         reactions.name_unusable(sensor, kind, onset)
-        reactions.exclude(sensor, onset, exactly=onset > 0)
+        reactions.exclude(
+            sensor, onset, exactly=onset > 0 and not self._excludable(reactions, sensor, (sensor,))
+        )
         reactions.expect(sensor, kind, {})
         if self.layout.sensors[sensor].role is Role.INPUT:
             self._schedule(reactions, sensor)
