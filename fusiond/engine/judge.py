@@ -152,8 +152,7 @@ class Judge:
         desk, entries = engine.desk[0], reactions.entries
         if alarm is not Alarm.REVIEW and (entries < desk["review_at"] or entries == desk["nothing_at"]):
             return
-        if desk["case_at"] == 0:
-            desk["case_at"] = entries
+        reactions.open()
         finding = found or self._finding(reactions)
         if finding.outcome is not Outcome.MODEL and not self._matters(reactions, finding):
             reactions.close()
@@ -205,8 +204,7 @@ class Judge:
         fit = finding.fit
         if fit is None or fit.ground.is_input or fit.kind is not Kind.SPIKE:
             return False
-        entry = reactions.entries - reactions.age_of(fit.onset)
-        return entry < int(reactions.engine.desk[0]["case_at"])
+        return reactions.onset_ns(fit.onset) <= int(reactions.engine.desk[0]["case_ns"])
 
     def _matters(self, reactions: Reactions, finding: Finding) -> bool:
         """Whether it is a fault: no error within tolerance, no less noise than declared."""
@@ -297,7 +295,7 @@ class Judge:
         """
         desk, entries = reactions.engine.desk[0], reactions.entries
         reactions.write("model", 1)
-        desk["case_at"] = desk["case_at"] or entries
+        reactions.open()
         wait = max(LEAST * self._step, int(PATIENCE * (entries - int(desk["case_at"]))))
         desk["review_at"] = entries + min(wait, self.layout.shape.window)
 
@@ -377,13 +375,18 @@ class Judge:
         return bool(reactions.reaction["kind"][sensor] == Kind.NOISE and reactions.engine.adapts(sensor))
 
     def _unusable(self, reactions: Reactions, sensor: int, kind: Kind) -> None:
-        """Its readings are frozen, or cannot be used at all."""
+        """Its readings are frozen, or cannot be used at all.
+
+        Where it cannot be done without, a filter that never heard it knows too little to take over.
+        """
         if sensor in reactions.out():
             return
         onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
         reactions.close()
         reactions.name_unusable(sensor, kind, onset)
-        reactions.exclude(sensor, onset)
+        reactions.exclude(
+            sensor, onset, exactly=onset > 0 and not self._excludable(reactions, sensor, (sensor,))
+        )
         reactions.expect(sensor, kind, {})
         if self.layout.sensors[sensor].role is Role.INPUT:
             self._schedule(reactions, sensor)

@@ -2,8 +2,8 @@
 
 Exclusion. Where a leave-one-out filter exists that is not itself astray, it takes the place of all filters that heard
 the sensor, in every snapshot, and the last readings are replayed without it, so that new leave-one-out filters have
-settled and a second fault that began meanwhile is not in them. Without one, the readings since the onset are replayed
-without the sensor.
+settled and a second fault that began meanwhile is not in them. Without one, or where the onset is known exactly, the
+readings since the onset are replayed without the sensor.
 
 Correction. Readings from the onset on are used with the error found taken off; its uncertainty is added to the
 estimate along the direction in which such an error moves it (Friedland 1969), and added once more when it ends.
@@ -83,10 +83,6 @@ class Reactions:
         """Stamp of an entry of the window; past its end, now."""
         return int(self.window["t_ns"][onset]) if onset < len(self.window) else self.now_ns
 
-    def age_of(self, onset: int) -> int:
-        """Readings written to the window from one of its entries on."""
-        return len(self.engine.window) - int(self._places[onset]) if onset < len(self._places) else 0
-
     def run_began(self, sensor: int) -> int:
         """Entry at which the sensor's run of equal values began."""
         mine = np.flatnonzero(self.window["sensor"] == sensor)
@@ -116,6 +112,12 @@ class Reactions:
         monitor["shadow"][list(self.out())] = 0.0
         if int(monitor["alarm"]) == Alarm.HEALED:
             monitor["alarm"] = Alarm.NONE
+
+    def open(self) -> None:
+        """A case is open, from the reading just applied on where none was."""
+        desk = self.engine.desk[0]
+        if desk["case_at"] == 0:
+            desk["case_at"], desk["case_ns"] = self.entries, self.now_ns
 
     def close(self) -> None:
         """No case is open, nobody is suspected, the model is not blamed."""
@@ -232,14 +234,14 @@ class Reactions:
         ]
         return float(min(max(shares, default=0.0) ** 2, 1e6))
 
-    def exclude(self, sensor: int, onset: int) -> None:
-        """Stop using the sensor."""
+    def exclude(self, sensor: int, onset: int, *, exactly: bool = False) -> None:
+        """Stop using the sensor. Where its fault began exactly at the onset, nothing before spoilt a filter."""
         rows, name = self.layout.filters, self.layout.sensors[sensor].name
         refused = self.engine.track[0]["monitor"]["refused"].max(axis=1)
         clean = [
             k
             for k, row in enumerate(rows)
-            if row.hears == "without" and row.sensor == name and refused[k] < ASTRAY
+            if row.hears == "without" and row.sensor == name and refused[k] < ASTRAY and not exactly
         ]
         others = [k for k, row in enumerate(rows) if row.hears != "only" and k not in clean]
         self.write("excluded", 1, sensor)

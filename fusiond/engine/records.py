@@ -189,8 +189,10 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     the command is the safe one (0: it is not), and the last before.   doubt_since_ns: since when no sound sensor
     corrects the state (0: one does).   cost*: mean cost of the commands so far.
     retry_ns, refine_ns: when excluded inputs are looked at again, and open kinds.
+    case_at, case_ns: entries of the window, and stamp, at which the open case was opened (0: none is).
     nothing_at: entries of the window in which isolation last found nothing.
     calm_until, calm_for: entry of the window until which, and entries for which, too little scatter raises no alarm.
+    garbage: unusable readings of each sensor, counted with decay.
     evidence: about the kind of each sensor's fault (faults.hearing), where faults are sought.
     seq_top, seq_seen: highest sequence number of each sensor and which of the 64 up to it came (bit 0: the highest).
     """
@@ -199,7 +201,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
         ("ring_first", "<i8"), ("ring_count", "<i8"), ("newest_t_ns", "<i8"), ("newest_arrival_ns", "<i8"),
         ("has_arrival", "<i8"), ("started", "<i8"), ("odd_count", "<i8"), ("odd_t_ns", "<i8"),
         ("odd_start_ns", "<i8"), ("lateness_ns", "<i8", (s,)), ("pause", "<i8"), ("replay_from", "<i8"),
-        ("review_at", "<i8"), ("case_at", "<i8"),
+        ("review_at", "<i8"), ("case_at", "<i8"), ("case_ns", "<i8"),
         ("retry_ns", "<i8"), ("refine_ns", "<i8"), ("calm_until", "<i8"), ("calm_for", "<i8"),
         ("nothing_at", "<i8"),
         ("seq_top", "<u8", (s,)), ("seq_seen", "<u8", (s,)), ("seq_any", "<i8", (s,)),
@@ -209,6 +211,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
         ("command_given", "<i8"), ("command_periods", "<i8"), ("sent", "<f8", (k,)), ("wanted", "<f8", (k,)),
         ("done", "<f8", (k,)), ("queue", "<f8", (queue, k)), ("acting", "<f8", (k,)),
         ("memory", "<f8", (shape.memory,)),
+        ("garbage", "<f8", (s,)),
         ("source", "<i8"), ("bump", "<f8", (k,)), ("bump_ns", "<i8"), ("safe_since_ns", "<i8"),
         ("safe_from", "<f8", (k,)), ("doubt_since_ns", "<i8"), ("cost", "<f8"), ("cost_count", "<i8"),
         *([("evidence", evidence_dtype(errors=shape.errors, payload=shape.payload), (s,))] if shape.cells else []),

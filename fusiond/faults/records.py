@@ -30,11 +30,10 @@ def monitor_dtype(
     raw_z: last values sent;   pairs, equal: readings that could and that did repeat them, the current run left out;
     run: equal values in a row;   run_h: what was predicted when the run began.
     held: how often a value held between fixes was repeated;   held_longest: the most of that so far.
-    garbage: unusable readings, counted with decay.   usual: slow mean of an input, what it is taken to be without
-    its sensor;   usual_var: slow variance about it;   odd, odd_count: (inputs,) largest square of its deviations from
-    it since the last entry, in such variances, and how many were odd;   away, away_count: sum of these deviations, and
-    how many.   refused: (filters, s) readings of a sensor in a row that the gate of each filter refused,
-    shut_until_ns: until when it does at least.
+    usual: slow mean of an input, what it is taken to be without its sensor;   usual_var: slow variance about it;
+    odd, odd_count: (inputs,) largest square of its deviations from it since the last entry, in such variances, and how
+    many were odd;   away, away_count: sum of these deviations, and how many.   refused: (filters, s) readings of a
+    sensor in a row that the gate of each filter refused,   shut_until_ns: until when it does at least.
     shadow: (s, 3) evidence that an excluded sensor has healed.
     """
     n, s, m, c = errors, sensors, payload, cells
@@ -45,7 +44,7 @@ def monitor_dtype(
         ("phi", "<f8", (n, c)), ("llr", "<f8", (c,)), ("count", "<i8", (c,)),
         ("variance", "<f8", (s, 2)), ("pooled", "<f8", (2,)), ("white", "<f8", (s, 2)), ("last_e", "<f8", (s, m)),
         ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
-        ("garbage", "<f8", (s,)), ("usual", "<f8", (s, m)), ("usual_var", "<f8", (s, m)),
+        ("usual", "<f8", (s, m)), ("usual_var", "<f8", (s, m)),
         ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("away", "<f8", (inputs,)),
         ("away_count", "<i8", (inputs,)), ("run", "<i8", (s,)),
         ("run_h", "<f8", (s, m)), ("held", "<i8", (s,)), ("held_longest", "<i8", (s,)),

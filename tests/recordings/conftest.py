@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.pages.recorded import import_from
+from tools.pages.recorded import FOLDERS, import_from
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +21,7 @@ def log_of(recording: Callable[[str], Path], imported_logs: dict[str, Path]) -> 
     """The log of a recording that stands in the test's own mark, its truth beside it."""
 
     def log(name: str) -> Path:
-        folder = recording(name)
+        folder = recording(FOLDERS.get(name, name))
         if name not in imported_logs:
             imported_logs[name] = import_from(folder, name, imported_logs["folder"])
         return imported_logs[name]

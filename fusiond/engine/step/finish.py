@@ -11,7 +11,7 @@ from fusiond.numerics.ud import ud_variance
 from fusiond.types import Health, Kind, ServiceHealth
 
 from .guard import unobserved_states
-from .silence import is_silent, silent_since, unsteady
+from .silence import is_silent, silent_since, unsteady, was_silent
 from .sizes import CONTROLS, ERRORS, SENSORS, STATES
 from .steer import steer
 
@@ -58,7 +58,7 @@ def judge_health(track: Any, desk: Any, design: Any, now_ns: int, finite: bool, 
     sound = True
     for sensor in range(SENSORS):
         heard_ns = now_ns - int(PATIENCE * desk.lateness_ns[sensor])
-        broken = track.gap_to_ns[sensor] <= heard_ns and unsteady(track, design, sensor, now_ns)
+        broken = unsteady(track, design, sensor, now_ns) and was_silent(track, design, sensor, heard_ns)
         quiet = broken or is_silent(track, design, sensor, heard_ns)
         quiet = quiet and track.started != 0
         report.health[sensor] = SILENT if quiet else track.reaction.health[sensor]

@@ -73,7 +73,7 @@ def undelay(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def note_unusable(track: Any, reading: Any, usable: bool) -> None:
+def note_unusable(track: Any, desk: Any, reading: Any, usable: bool) -> None:
     """The door has let a reading in, or not."""
 
 

@@ -282,17 +282,20 @@ def note_held(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
-def note_unusable(track: Any, reading: Any, usable: bool) -> None:
-    """Count readings refused at the door, and ask for judgement when they keep coming."""
-    monitor, sensor = track.monitor, reading.sensor
+def note_unusable(track: Any, desk: Any, reading: Any, usable: bool) -> None:
+    """Count readings refused at the door, and ask for judgement when they keep coming.
+
+    They are in no ring: a late reading, which has others replayed, must not have them forgotten.
+    """
+    sensor = reading.sensor
     if not 0 <= sensor < SENSORS:
         return
     if usable:
-        monitor.garbage[sensor] *= DECAY
+        desk.garbage[sensor] *= DECAY
         return
-    monitor.garbage[sensor] += 1.0
-    if monitor.garbage[sensor] > FEW and not is_excluded(track, sensor, reading.t_ns):
-        ask(monitor, GARBAGE, sensor)
+    desk.garbage[sensor] += 1.0
+    if desk.garbage[sensor] > FEW and not is_excluded(track, sensor, reading.t_ns):
+        ask(track.monitor, GARBAGE, sensor)
 
 
 @kernel

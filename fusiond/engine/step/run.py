@@ -158,14 +158,14 @@ def take(
     """Take one reading of a sensor: screen it and give it its place in the ring; -1 where it gets none."""
     track = tracks[0]
     report.verdict = screen(track, design, work, reading)
-    note_unusable(track, reading, report.verdict == USED)
+    note_unusable(track, desk, reading, report.verdict == USED)
     if report.verdict != USED:
         return -1
     if sequence_repeats(desk, reading):
         report.verdict = DUPLICATE
         if contradicts(desk, ring, reading):
             report.verdict = CONFLICT
-            note_unusable(track, reading, False)
+            note_unusable(track, desk, reading, False)
         return -1
     role = design.role[reading.sensor]
     if role == REFERENCE or role == APPLIED:

@@ -95,6 +95,13 @@ def is_silent(track: Any, design: Any, sensor: int, now_ns: int) -> bool:
 
 
 @kernel
+def was_silent(track: Any, design: Any, sensor: int, then_ns: int) -> bool:
+    """Whether the last silence that ended had by then become one, or was over."""
+    from_ns = track.gap_from_ns[sensor] + deadline_ns(track, design, sensor)
+    return bool(then_ns > min(from_ns, track.gap_to_ns[sensor] - 1))
+
+
+@kernel
 def silent_since(track: Any, design: Any, sensor: int) -> int:
     """Last reading before the silence, or before the first of several in a row."""
     last_ns = track.sensor_t_ns[sensor]
