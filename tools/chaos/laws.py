@@ -39,7 +39,12 @@ class Findings:
 
 
 def broken_laws(reports: NDArray[Any], given: int, digest: str, again: str) -> tuple[str, ...]:
-    """The laws that reports on so many readings break, with the digests of the run and of its repetition."""
+    """The laws that a run breaks.
+
+    Args:
+        reports: of `layout.report`, one for each of the `given` readings.
+        digest, again: of all reports of the run, and of its repetition in other portions.
+    """
     broken = []
     live = reports[reports["service"] != ServiceHealth.INVALID]
     if not (np.isfinite(live["x"]).all() and np.isfinite(live["std"]).all()):

@@ -6,6 +6,7 @@ Each runs with its configuration as it is in configs/; where that has no section
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,10 +25,8 @@ from tools.pages.recording_ranges_rows import SCALE
 from tools.scoreboard.board import Effort, Result, Row
 from tools.scoreboard.judging import NAMED
 
-CLEAN = {
-    "jackal": np.inf, "udacity_laser_radar": np.inf, "dresden_car": np.inf, "px4_iris": np.inf, "comma2k19": np.inf,
-}  # fmt: skip
-"""Recordings in which no sensor lies, and for how long each is run, s."""
+CLEAN = ("jackal", "udacity_laser_radar", "dresden_car", "px4_iris", "comma2k19")
+"""Recordings in which no sensor lies."""
 MANOEUVRES = ("dlc_60kmh", "dlc_100kmh", "jturn_60kmh", "jturn_100kmh")
 """Those of `commonroad_maneuvers` in which a car with linear tyres is near enough the multi-body one."""
 INJECTED = {"udacity_laser_radar": ("laser", "laser.bias=2@10+5", 10.0, 1.0)}
@@ -81,11 +80,9 @@ def watched(name: str, unsaid: str = "") -> Assembly:
     return assemble(config.parse(text if "\n[faults]" in text else text + ROBUST, name), CONFIGS)
 
 
-def readings(log: Path, assembly: Assembly, until_s: float = np.inf) -> Records:
-    """Every reading of a configured sensor up to a time since the first, in arrival order."""
-    given = np.concatenate([chunk.copy() for chunk in open_log(log, assembly.layout)])
-    kept: Records = given[given["t_ns"] - given["t_ns"].min() <= until_s * NANOSECONDS]
-    return kept
+def readings(log: Path, assembly: Assembly) -> Records:
+    """Every reading of a configured sensor, in arrival order."""
+    return np.concatenate([chunk.copy() for chunk in open_log(log, assembly.layout)])
 
 
 def run(assembly: Assembly, given: Records, *faults: str) -> Told:
@@ -94,22 +91,25 @@ def run(assembly: Assembly, given: Records, *faults: str) -> Told:
     return Told(assembly, assembly.engine().process(np.concatenate(lies)).copy())
 
 
+def in_words(named: Mapping[tuple[str, str], float]) -> str:
+    """Every sensor called faulty, the kind of its fault, and when first."""
+    return ", ".join(f"{sensor} {kind} at {t_s:.1f} s" for (sensor, kind), t_s in named.items()) or "nobody"
+
+
 def nobody(identity: str, what: str, told: Told) -> Row:
     """The row of a run in which nobody is to be called faulty."""
     named = told.names()
-    said = ", ".join(f"{sensor} {kind} at {t_s:.1f} s" for (sensor, kind), t_s in named.items()) or "nobody"
-    text = f"sensors called faulty, {what}, nothing injected: {said}; {told.doubts()}"
+    text = f"sensors called faulty, {what}, nothing injected: {in_words(named)}; {told.doubts()}"
     return Row(f"10.clean.{identity}", text, len(named), "names", "", None, "0", not named)
 
 
 def clean_rows(folder: Path, into: Path) -> list[Row]:
     """Recordings in which no sensor lies, and the same with one that does."""
     rows = []
-    for name, until_s in CLEAN.items():
+    for name in CLEAN:
         log, assembly = import_from(folder / FOLDERS.get(name, name), name, into), watched(name)
-        given = readings(log, assembly, until_s)
-        span = "whole" if until_s == np.inf else f"its first {until_s:.0f} s"
-        rows.append(nobody(name, f"{name}, {span}", run(assembly, given)))
+        given = readings(log, assembly)
+        rows.append(nobody(name, f"{name}, whole", run(assembly, given)))
         if name in INJECTED:
             rows.append(found_row(name, assembly, given))
     return rows
@@ -145,8 +145,7 @@ def found_row(name: str, assembly: Assembly, given: Records) -> Row:
     sensor, fault, since_s, within_s = INJECTED[name]
     named = run(assembly, given, fault).names()
     took_s = named.get((sensor, Kind.BIAS.label), np.inf) - since_s
-    said = ", ".join(f"{who} {kind} at {t_s:.1f} s" for (who, kind), t_s in named.items()) or "nobody"
-    text = f"{name} with {fault}: named {said}; time to the name of {sensor}, a bias, and no other"
+    text = f"{name} with {fault}: named {in_words(named)}; time to the name of {sensor}, a bias, and no other"
     ok = len(named) == 1 and 0.0 <= took_s <= within_s
     return Row(f"10.injected.{name}", text, took_s, "s", "", None, f"<= {within_s:g}, no other", ok)
 
