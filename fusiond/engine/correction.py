@@ -5,22 +5,29 @@ z' is one of the corrected reading, so with what is taken off already it makes
 
     bias b: offset + (1 + gain_error) b,   drift likewise,   scale s: (1 + gain_error) (1 + s) - 1,   delay: the sum.
 
+The uncertainty of what is taken off is added to the estimate along the direction in which such an error moves it
+(Friedland 1969), and added once more when it ends.
+
 No step is believed for itself. A fit promises that the squares of the innovations since its onset will be fewer; the
 readings are replayed with it, and where there are not fewer it is withdrawn: what was wrong was not that.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.faults.glr import Fit
+from fusiond.faults.hearing import KINDS
 from fusiond.faults.window import believed
 from fusiond.types import Kind
 
 if TYPE_CHECKING:
     from fusiond.engine.engine import Engine
+    from fusiond.engine.reactions import Reactions
 
 CORRECTIONS = {Kind.BIAS: "offset", Kind.DRIFT: "drift", Kind.SCALE: "gain_error", Kind.DELAY: "lag"}
 """Field of what is taken off, by the kind of the error."""
@@ -38,6 +45,118 @@ def put_on(taken: dict[str, Any], kind: Kind, channel: int, size: float) -> None
     gain = 1.0 + float(taken["gain_error"][channel])
     share = gain if kind in (Kind.BIAS, Kind.DRIFT, Kind.SCALE) else 1.0
     taken[CORRECTIONS[kind]][channel] += share * size
+
+
+def add_correction(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> None:
+    """Take the error found, on top of what is taken off already, off every reading since its onset."""
+    if kind not in LASTING:
+        return
+    onset_ns = max(1, reactions.onset_ns(fit.onset))
+    now = _next_correction(reactions, sensor, onset_ns)
+    for k, part in enumerate(fit.hypothesis.parts):
+        for one in part:
+            if one.sensor == sensor:
+                channel = reactions.raw_channel(one)
+                put_on(now, kind, channel, float(fit.size[k]))
+                if kind is Kind.BIAS and not one.is_input:
+                    reactions.widen_by(sensor, channel, float(np.sqrt(fit.covariance[k, k])))
+    for field, value in now.items():
+        _write_correction(reactions, field, value, sensor)
+    reactions.since(fit.onset)
+
+
+def _next_correction(reactions: Reactions, sensor: int, onset_ns: int) -> dict[str, Any]:
+    """End the correction now in force at `onset_ns`, and return what goes on from there.
+
+    A correction has two rows in the record: 0 the one before, 1 the one in force.
+    """
+    was = {
+        field: np.array(reactions.reaction[field][sensor])
+        for field in ("from_ns", "to_ns", *CORRECTIONS.values())
+    }
+    now = {field: np.array(was[field][1]) for field in CORRECTIONS.values()}
+    if was["from_ns"][1] and not was["to_ns"][1]:
+        now["offset"] += now["drift"] * (onset_ns - was["from_ns"][1]) * 1e-9
+        was["to_ns"][1] = onset_ns
+    else:
+        now = {field: np.zeros_like(value) for field, value in now.items()}
+    for field, value in was.items():
+        for records in reactions.engine.histories:
+            records["reaction"][field][:, sensor, 0] = value[1]
+    return {**now, "from_ns": onset_ns, "to_ns": 0}
+
+
+def _write_correction(reactions: Reactions, field: str, value: Any, sensor: int) -> None:
+    """Write a field of the correction in force."""
+    for records in reactions.engine.histories:
+        records["reaction"][field][:, sensor, 1] = value
+
+
+def taken_off(reactions: Reactions, sensor: int) -> NDArray[np.float64]:
+    """(q,) what is taken off the sensor's readings now, in the columns of `faults.hearing`."""
+    return np.concatenate([reactions.reaction[CORRECTIONS[kind]][sensor, 1] for kind in KINDS])
+
+
+def replace_correction(reactions: Reactions, sensor: int, kind: Kind, sizes: Mapping[int, float]) -> None:
+    """Take another error off, by raw channel, since the onset of the one taken off till now."""
+    for field in CORRECTIONS.values():
+        _write_correction(reactions, field, 0.0, sensor)
+    value = np.zeros(reactions.layout.shape.payload)
+    for channel, size in sizes.items():
+        value[channel] = size
+    _write_correction(reactions, CORRECTIONS[kind], value, sensor)
+    reactions.replay_from(int(reactions.reaction["from_ns"][sensor, 1]))
+
+
+def end_correction(reactions: Reactions, sensor: int, fit: Fit) -> None:
+    """Believe the readings as they are from the fit's onset on."""
+    _next_correction(reactions, sensor, reactions.onset_ns(fit.onset))
+    _write_correction(reactions, "from_ns", 0, sensor)
+    channel = max(0, int(reactions.reaction["channel"][sensor]))
+    reactions.widen_by(sensor, channel, float(reactions.reaction["size_std"][sensor]))
+    reactions.since(fit.onset)
+
+
+def drop_correction(reactions: Reactions, sensor: int, onset: int) -> None:
+    """Believe the readings as they are from an entry on, and let the estimate return to where they are."""
+    taken = _next_correction(reactions, sensor, reactions.onset_ns(onset))["offset"]
+    _write_correction(reactions, "from_ns", 0, sensor)
+    for channel in np.flatnonzero(taken):
+        reactions.widen_by(sensor, int(channel), abs(float(taken[channel])))
+    reactions.doubt_everything()
+    reactions.since(onset)
+
+
+def left_over(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> tuple[float, float]:
+    """The error that would remain if the fit's were added to the one taken off, and its deviation.
+
+    A scale is judged as a factor, a delay in s, all else in the channel's unit at the fit's onset.
+    """
+    at = next(k for k, part in enumerate(fit.hypothesis.parts) if any(one.sensor == sensor for one in part))
+    size, variance = float(fit.size[at]), float(fit.covariance[at, at])
+    known = float(reactions.reaction["size_std"][sensor])
+    channel = max(0, int(reactions.reaction["channel"][sensor]))
+    if kind is Kind.SCALE:
+        gain = (1.0 + float(reactions.reaction["gain_error"][sensor, 1, channel])) * (1.0 + size) - 1.0
+        return gain, float(np.hypot(known, np.sqrt(variance)))
+    if kind is Kind.DELAY:
+        lag = float(reactions.reaction["lag"][sensor, 1, channel]) + size
+        return lag, float(np.hypot(known, np.sqrt(variance)))
+    since_s = (reactions.onset_ns(fit.onset) - int(reactions.reaction["from_ns"][sensor, 1])) * 1e-9
+    taken = float(reactions.reaction["offset"][sensor, 1, channel])
+    taken += float(reactions.reaction["drift"][sensor, 1, channel]) * since_s
+    if reactions.reaction["kind"][sensor] == Kind.DRIFT:
+        known *= since_s
+    gain = 1.0 + float(reactions.reaction["gain_error"][sensor, 1, channel])
+    left = taken + (gain * size if kind is Kind.BIAS else 0.0)
+    return left, float(np.hypot(known, gain * np.sqrt(variance)))
+
+
+def total_taken_off(reactions: Reactions, sensor: int, kind: Kind) -> float:
+    """All that is taken off the sensor's readings now, of one kind: its size as it is told."""
+    channel = max(0, int(reactions.reaction["channel"][sensor]))
+    taken = float(reactions.reaction[CORRECTIONS[kind]][sensor, 1, channel])
+    return 1.0 + taken if kind is Kind.SCALE else taken
 
 
 def misfit(engine: Engine, since_ns: int) -> float:

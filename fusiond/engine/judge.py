@@ -24,7 +24,7 @@ twice as long to return. A decision reaches all snapshots, so that a late readin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -32,19 +32,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from fusiond.engine.bad_samples import is_bad_sample, is_one_reading, until_next
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import Reactions
-from fusiond.engine.refine import goes_on, is_watched, refine, refine_one, watch
+from fusiond.engine.refine import is_watched, refine_one, watch
+from fusiond.engine.returning import QUIET, heal, retry, schedule, watch_noise
 from fusiond.engine.revising import is_corrected, take_off
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
 from fusiond.faults.ground import burst_of
 from fusiond.faults.hypotheses import Hypothesis
+from fusiond.faults.identification import Identity
 from fusiond.faults.isolation import Finding, Outcome, Twins, isolate
 from fusiond.faults.response import respond
 from fusiond.faults.tolerated import tolerate
-from fusiond.types import NANOSECONDS, Alarm, Health, Kind, Role
+from fusiond.types import Alarm, Health, Kind, Role
 
 if TYPE_CHECKING:
     from fusiond.engine.engine import Engine
@@ -55,15 +58,6 @@ STEPS, LEAST = 128, 16
 """A window is worth looking at again after this part of it, a set that nothing tells apart after so many of those."""
 CALM_WINDOWS = 16
 """Windows after which too little scatter is looked into again at the latest."""
-PROBATION_S = 1.0
-"""Shortest probation of a sensor; doubled with every relapse."""
-RETRY_S = 5.0
-"""Shortest time before an excluded input is tried again, and before it is believed; doubled likewise. Noise that is
-estimated is looked at as often."""
-QUIET = 1.5**2
-"""Noise of less than this, a variance over the declared one, is no fault (any more)."""
-RELAPSES = 6
-"""Relapses after which waiting grows no longer."""
 SINGLE = 2
 """Odd readings of an input that are a spike, which changes no flag; more are a fault."""
 BEYOND = 2.0
@@ -113,9 +107,9 @@ class Judge:
                 case Alarm.FROZEN | Alarm.GARBAGE:
                     self._unusable(reactions, sensor, Kind.STUCK if alarm is Alarm.FROZEN else Kind.GARBAGE)
                 case Alarm.HEALED:
-                    self._healed(reactions, sensor)
+                    heal(reactions, sensor, self.hypotheses)
                 case Alarm.RETRY:
-                    self._retry(reactions)
+                    retry(reactions, self.hypotheses)
                 case _ if too_calm:
                     self._weigh_calm(reactions)
                 case _:
@@ -161,9 +155,9 @@ class Judge:
         undecided = finding.outcome is Outcome.UNDECIDED
         if finding.fit is not None and finding.fit.kind is not Kind.NOISE:
             reactions.freeze(finding.sensors)
-        if self._alone(reactions, finding) and age <= self.layout.shape.window // 2:
-            desk["review_at"] = entries + (self._step if age > 0 else self._until_next(reactions, finding))
-        elif self._bad_sample(reactions, finding):
+        if is_one_reading(reactions, finding.fit) and age <= self.layout.shape.window // 2:
+            desk["review_at"] = entries + (self._step if age > 0 else until_next(reactions, finding.fit))
+        elif is_bad_sample(reactions, finding.fit):
             reactions.close()
         elif undecided and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + max(self._step, int(PATIENCE * age))
@@ -182,30 +176,6 @@ class Judge:
             if finding.outcome in (Outcome.ONE, Outcome.GROUP):
                 self._react(reactions, finding)
 
-    def _alone(self, reactions: Reactions, finding: Finding) -> bool:
-        """Whether a single reading of the sensor says it all: that may be a bad sample, which its next one tells.
-
-        Nor are one bad and one sound reading scatter.
-        """
-        fit = finding.fit
-        if fit is None or fit.ground.is_input:
-            return False
-        since = reactions.window["sensor"][fit.onset :]
-        return int(np.isin(since, fit.place).sum()) <= (2 if fit.kind is Kind.NOISE else 1) * len(fit.place)
-
-    def _until_next(self, reactions: Reactions, finding: Finding) -> int:
-        """Entries until the sensor's next reading is to be expected: as many as to its last one."""
-        place = finding.fit.place if finding.fit else ()
-        own = np.flatnonzero(np.isin(reactions.window["sensor"], place))
-        return int(own[-1] - own[-2]) if len(own) > 1 else 1
-
-    def _bad_sample(self, reactions: Reactions, finding: Finding) -> bool:
-        """Whether the reading that raised the alarm, or one before, was a spike, and its sensor is sound since."""
-        fit = finding.fit
-        if fit is None or fit.ground.is_input or fit.kind is not Kind.SPIKE:
-            return False
-        return reactions.onset_ns(fit.onset) <= int(reactions.engine.desk[0]["case_ns"])
-
     def _matters(self, reactions: Reactions, finding: Finding) -> bool:
         """Whether it is a fault: no error within tolerance, no less noise than declared."""
         fit = finding.choice.fit or finding.fit
@@ -219,7 +189,7 @@ class Judge:
 
     def _noisy(self, reactions: Reactions, fit: Fit) -> bool:
         """Whether a change of noise is a fault: more than tolerated, or the end of one."""
-        if set(fit.place) & (self._restless(reactions) | self._weighed_down(reactions)):
+        if set(fit.place) & (reactions.restless() | reactions.weighed_down()):
             return True
         excess = math.sqrt(max(float(fit.size[0]) ** 2 - 1.0, 0.0))
         members = [suspect for part in fit.hypothesis.parts for suspect in part]
@@ -229,15 +199,6 @@ class Judge:
             for one in members
         )
 
-    def _restless(self, reactions: Reactions) -> frozenset[int]:
-        """Sensors thought noisier than declared, whose noise may become less: not those of a set that is covered."""
-        noisy = frozenset(int(k) for k in np.flatnonzero(reactions.reaction["kind"] == Kind.NOISE))
-        return noisy if reactions.adapts else noisy & self._weighed_down(reactions)
-
-    def _weighed_down(self, reactions: Reactions) -> frozenset[int]:
-        """Sensors that count for less than their noise, as they are found noisy or as their set is covered."""
-        return frozenset(int(k) for k in np.flatnonzero(reactions.reaction["noise_excess"] > 0.0))
-
     def _finding(self, reactions: Reactions) -> Finding:
         """What isolation says about the window now; who is out or silent has nothing to plead."""
         track = reactions.engine.track[0]
@@ -245,8 +206,8 @@ class Judge:
         silent = {int(k) for k in np.flatnonzero((self.silence_ns > 0) & (age_ns > self.silence_ns))}
         out = reactions.out() | silent
         asked = [h for h in self.hypotheses if not set(h.place) & out]
-        noisy = self._restless(reactions)
-        covered = self._weighed_down(reactions) - noisy
+        noisy = reactions.restless()
+        covered = reactions.weighed_down() - noisy
         seen = tolerate(respond(reactions.window, self.layout.shape.inputs), self.tolerance)
         return isolate(seen, asked, restless=noisy, twins=Twins(self.twins, covered))
 
@@ -272,11 +233,10 @@ class Judge:
         kept = []
         for sensor in fit.place:
             if is_corrected(reactions, sensor):
-                if not (is_watched(reactions, sensor) and self._is_another(reactions, sensor)):
+                if not (is_watched(reactions, sensor) and refine_one(reactions, sensor, self.hypotheses)):
                     kept.append(sensor)
             elif self._excludable(reactions, sensor, fit.place):
-                found = reactions.name(sensor, fit, kind, Health.EXCLUDED)
-                self._send_out(reactions, sensor, fit)
+                found = self._exclude(reactions, sensor, fit, kind)
                 watch(reactions, sensor, fit.place, found.onset_std_s)
             else:
                 kept.append(sensor)
@@ -299,10 +259,6 @@ class Judge:
         wait = max(LEAST * self._step, int(PATIENCE * (entries - int(desk["case_at"]))))
         desk["review_at"] = entries + min(wait, self.layout.shape.window)
 
-    def _is_another(self, reactions: Reactions, sensor: int) -> bool:
-        """Whether all that is known since the onset says that the error taken off is of another kind."""
-        return refine_one(reactions, sensor, self.hypotheses, self.noise_std, reactions.engine.window)
-
     def _burst(self, reactions: Reactions, fit: Fit) -> None:
         """A spike of a sensor has been gated; one of an input is taken out, and a long one tells of its sensor."""
         if not fit.ground.is_input:
@@ -312,38 +268,30 @@ class Judge:
         entries = fit.ground.entries[burst_of(fit.ground, fit.hypothesis) == fit.number]
         readings = int(np.sum(fit.ground.response.odd_count[entries, number]))
         if (readings > SINGLE or len(entries) > 1) and self._excludable(reactions, sensor, fit.place):
-            reactions.name(sensor, fit, Kind.SPIKE, Health.EXCLUDED)
-            self._send_out(reactions, sensor, fit)
+            self._exclude(reactions, sensor, fit, Kind.SPIKE)
         else:
             reactions.leave_out(sensor, fit.onset, int(entries[-1]))
         reactions.replay()
 
-    def _send_out(self, reactions: Reactions, sensor: int, fit: Fit) -> None:
-        """Exclude a sensor whose fault began with the fit's onset."""
-        reactions.exclude(sensor, fit.onset)
-        reactions.expect(sensor, fit.kind, reactions.sizes(sensor, fit))
+    def _exclude(self, reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Identity:
+        """Name a sensor's fault, which began with the fit's onset, and exclude the sensor."""
+        found = reactions.name(sensor, fit, kind, Health.EXCLUDED)
+        self._send_out(reactions, sensor, fit.kind, fit.onset, reactions.sizes(sensor, fit))
+        return found
+
+    def _send_out(
+        self, reactions: Reactions, sensor: int, kind: Kind, onset: int, sizes: Mapping[int, float], *,
+        exactly: bool = False,
+    ) -> None:  # fmt: skip
+        """Exclude a sensor whose fault began with an entry of the window, for all one knows or exactly.
+
+        Args:
+            sizes: of its error, by raw channel.
+        """
+        reactions.exclude(sensor, onset, exactly=exactly)
+        reactions.expect(sensor, kind, sizes)
         if self.layout.sensors[sensor].role is Role.INPUT:
-            self._schedule(reactions, sensor)
-
-    def _schedule(self, reactions: Reactions, sensor: int) -> None:
-        """Set the time at which an input is looked at again."""
-        reactions.write("since_ns", reactions.now_ns, sensor)
-        self._look_again(reactions, self._retry_ns(reactions, sensor))
-
-    def _look_again(self, reactions: Reactions, wait_ns: int) -> None:
-        """Ask for a retry so long from now, unless one is due before."""
-        due, planned = reactions.now_ns + wait_ns, int(reactions.engine.desk[0]["retry_ns"])
-        reactions.engine.desk[0]["retry_ns"] = min(planned, due) if planned else due
-
-    def _wait_ns(self, reactions: Reactions, sensor: int, shortest_s: float) -> int:
-        """How long a sensor waits, doubled with every relapse."""
-        relapses = min(int(reactions.reaction["relapses"][sensor]), RELAPSES)
-        return int(shortest_s * 2.0**relapses * NANOSECONDS)
-
-    def _retry_ns(self, reactions: Reactions, sensor: int) -> int:
-        """How long an excluded input waits: it cannot show that an error has gone, but that it sends numbers again."""
-        unusable = reactions.reaction["kind"][sensor] in (Kind.STUCK, Kind.GARBAGE, Kind.SPIKE)
-        return self._wait_ns(reactions, sensor, PROBATION_S if unusable else RETRY_S)
+            schedule(reactions, sensor)
 
     def _weigh_down(self, reactions: Reactions, fit: Fit) -> None:
         """The sensor is noisier, or quieter again, than was thought: use the noise it has.
@@ -358,21 +306,16 @@ class Judge:
             if variance < QUIET:
                 reactions.clear(sensor)
             elif variance > LARGEST_NOISE**2 and self._excludable(reactions, sensor, fit.place):
-                reactions.name(sensor, fit, Kind.NOISE, Health.EXCLUDED)
-                self._send_out(reactions, sensor, fit)
+                self._exclude(reactions, sensor, fit, Kind.NOISE)
             else:
                 reactions.name(sensor, fit, Kind.NOISE, Health.FAULTY)
                 reactions.write("size", float(np.sqrt(variance)), sensor)
                 if estimated:
-                    self._look_again(reactions, int(RETRY_S * NANOSECONDS))
+                    watch_noise(reactions)
                 else:
                     reactions.write("noise_excess", variance - 1.0, sensor)
         reactions.since(fit.onset)
         reactions.replay()
-
-    def _estimates_noise(self, reactions: Reactions, sensor: int) -> bool:
-        """Whether the sensor is thought noisy and adaptation is the reaction."""
-        return bool(reactions.reaction["kind"][sensor] == Kind.NOISE and reactions.engine.adapts(sensor))
 
     def _unusable(self, reactions: Reactions, sensor: int, kind: Kind) -> None:
         """Its readings are frozen, or cannot be used at all.
@@ -384,57 +327,6 @@ class Judge:
         onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
         reactions.close()
         reactions.name_unusable(sensor, kind, onset)
-        reactions.exclude(
-            sensor, onset, exactly=onset > 0 and not self._excludable(reactions, sensor, (sensor,))
-        )
-        reactions.expect(sensor, kind, {})
-        if self.layout.sensors[sensor].role is Role.INPUT:
-            self._schedule(reactions, sensor)
+        exactly = onset > 0 and not self._excludable(reactions, sensor, (sensor,))
+        self._send_out(reactions, sensor, kind, onset, {}, exactly=exactly)
         reactions.replay()
-
-    def _healed(self, reactions: Reactions, sensor: int) -> None:
-        """An excluded sensor agrees with the estimate: first on probation, then, once it has waited, used again."""
-        if sensor not in reactions.out():
-            return  # a late reading has had its return looked at once more
-        if goes_on(reactions, sensor, self.hypotheses, self.noise_std):
-            return
-        if reactions.reaction["health"][sensor] != Health.PROBATION:
-            reactions.write("health", Health.PROBATION, sensor)
-            reactions.write("since_ns", reactions.now_ns, sensor)
-        elif reactions.now_ns - reactions.reaction["since_ns"][sensor] >= self._wait_ns(
-            reactions, sensor, PROBATION_S
-        ):
-            reactions.readmit(sensor)
-            reactions.clear(sensor)
-
-    def _retry(self, reactions: Reactions) -> None:
-        """Try excluded inputs that have waited, and believe those that were tried and raised no alarm.
-
-        Of other sensors that are out or corrected the kind of fault is weighed again. Noise that falls slowly raises no
-        alarm, as its estimate keeps up with it: whether it is over is looked at here.
-        """
-        desk = reactions.engine.desk[0]
-        if 0 < desk["refine_ns"] <= reactions.now_ns:
-            desk["refine_ns"] = 0
-            refine(reactions, self.hypotheses, self.noise_std)
-        if not 0 < desk["retry_ns"] <= reactions.now_ns:
-            return
-        desk["retry_ns"] = 0
-        for sensor in self.layout.sensors:
-            number, health = sensor.number, reactions.reaction["health"][sensor.number]
-            if health == Health.FAULTY and self._estimates_noise(reactions, number):
-                if reactions.noise_ratio(number) < QUIET:
-                    reactions.clear(number)
-                else:
-                    self._look_again(reactions, int(RETRY_S * NANOSECONDS))
-            if sensor.role is not Role.INPUT or health not in (Health.EXCLUDED, Health.PROBATION):
-                continue
-            waited_ns = reactions.now_ns - int(reactions.reaction["since_ns"][number])
-            if waited_ns < self._retry_ns(reactions, number):
-                self._schedule(reactions, number)
-            elif health == Health.PROBATION:
-                reactions.clear(number)
-            else:
-                reactions.readmit(number)
-                reactions.write("health", Health.PROBATION, number)
-                self._schedule(reactions, number)

@@ -4,9 +4,6 @@ Exclusion. Where a leave-one-out filter exists that is not itself astray, it tak
 the sensor, in every snapshot, and the last readings are replayed without it, so that new leave-one-out filters have
 settled and a second fault that began meanwhile is not in them. Without one, or where the onset is known exactly, the
 readings since the onset are replayed without the sensor.
-
-Correction. Readings from the onset on are used with the error found taken off; its uncertainty is added to the
-estimate along the direction in which such an error moves it (Friedland 1969), and added once more when it ends.
 """
 
 from __future__ import annotations
@@ -18,18 +15,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond.engine.correction import CORRECTIONS, LASTING, put_on
+from fusiond.engine.correction import LASTING
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
-from fusiond.faults.hearing import KINDS
 from fusiond.faults.identification import Identity, identify
 from fusiond.faults.isolation import Finding
 from fusiond.faults.response import respond
 from fusiond.faults.window import believed
 from fusiond.numerics.kernel import interpreted
 from fusiond.numerics.ud import ud_factor
-from fusiond.types import Alarm, Health, Kind, Role
+from fusiond.types import NANOSECONDS, Alarm, Health, Kind, Role
 
 if TYPE_CHECKING:
     from fusiond.engine.engine import Engine
@@ -38,6 +34,8 @@ SETTLED = 0.4
 """Share of the window, before the onset, from which leave-one-out filters are made anew after an exclusion."""
 ASTRAY = 8
 """Readings in a row that a filter's gate has refused: it does not know where it is, and takes nobody's place."""
+DOUBLINGS = 6
+"""Relapses after which waiting grows no longer."""
 OWN = ("x", "U", "d", "filter_t_ns")
 """Fields of the track that belong to one filter."""
 
@@ -55,7 +53,7 @@ class Reactions:
         self.now_ns = int(engine.track[0]["t_ns"])
         self.entries = int(engine.track[0]["monitor"]["entries"])
         self.reaction = engine.track[0]["reaction"]
-        self._noise_std = noise_std
+        self.noise_std = noise_std
         self.layout = engine.layout
         self._since_ns: int | None = None
         self._widened: list[tuple[int, int, float]] = []
@@ -63,13 +61,22 @@ class Reactions:
 
     def noise(self, sensor: int) -> float:
         """The smallest declared deviation among the sensor's channels, in its unit."""
-        used = self._noise_std[sensor][self._noise_std[sensor] > 0.0]
+        used = self.noise_std[sensor][self.noise_std[sensor] > 0.0]
         return float(np.min(used, initial=np.inf)) if used.size else 0.0
 
     def out(self) -> set[int]:
         """Numbers of the sensors not used now."""
         reaction = self.reaction
         return {int(k) for k in np.flatnonzero((reaction["excluded"] != 0) & (reaction["until_ns"] == 0))}
+
+    def weighed_down(self) -> frozenset[int]:
+        """Sensors that count for less than their noise, as they are found noisy or as their set is covered."""
+        return frozenset(int(k) for k in np.flatnonzero(self.reaction["noise_excess"] > 0.0))
+
+    def restless(self) -> frozenset[int]:
+        """Sensors thought noisier than declared, whose noise may become less: not those of a set that is covered."""
+        noisy = frozenset(int(k) for k in np.flatnonzero(self.reaction["kind"] == Kind.NOISE))
+        return noisy if self.adapts else noisy & self.weighed_down()
 
     def write(self, field: str, value: Any, sensor: int | None = None) -> None:
         """Write a decision into the track and all its snapshots."""
@@ -93,8 +100,19 @@ class Reactions:
         """Have the readings since an entry replayed, or since some entries before it."""
         before = int(SETTLED * self.layout.shape.window)
         first = max(0, min(onset, len(self.window) - 1) - before) if settled else onset
-        t_ns = self.onset_ns(first)
+        self.replay_from(self.onset_ns(first))
+
+    def replay_from(self, t_ns: int) -> None:
+        """Have the readings from a stamp on replayed."""
         self._since_ns = t_ns if self._since_ns is None else min(t_ns, self._since_ns)
+
+    def widen_by(self, sensor: int, channel: int, std: float) -> None:
+        """Have the estimate widened, once replayed, by the error that a bias of this deviation has caused."""
+        self._widened.append((sensor, channel, std))
+
+    def doubt_everything(self) -> None:
+        """Have every filter widened, once replayed, by the covariance before the first reading."""
+        self._doubted = True
 
     def replay(self) -> None:
         """Replay what was asked for; then widen the covariance where a correction is uncertain."""
@@ -181,7 +199,7 @@ class Reactions:
         mine = replace(found, parts=tuple(part for part in found.parts if sensor in part.sensors)).largest
         suspects = [one for part in fit.hypothesis.parts for one in part if one.sensor == sensor]
         own = [one for one in suspects if one.channel in mine.channels]
-        channel = self._channel(own[0]) if len(own) == 1 else -1
+        channel = self.raw_channel(own[0]) if len(own) == 1 else -1
         self._say(sensor, health, kind, channel, mine.size, mine.std, found.onset_ns)
         return found
 
@@ -202,13 +220,13 @@ class Reactions:
     def sizes(self, sensor: int, fit: Fit) -> dict[int, float]:
         """The fit's sizes of one sensor, by raw channel."""
         return {
-            self._channel(one): float(size)
+            self.raw_channel(one): float(size)
             for size, part in zip(fit.size, fit.hypothesis.parts, strict=True)
             for one in part
             if one.sensor == sensor
         }
 
-    def _channel(self, suspect: Suspect) -> int:
+    def raw_channel(self, suspect: Suspect) -> int:
         """Raw channel of a suspect; an input's number becomes the channel that drives it."""
         if not suspect.is_input:
             return int(suspect.channel)
@@ -228,9 +246,9 @@ class Reactions:
     def _covering(self, sensor: int, fit: Fit) -> float:
         """Factor less one by which the sensor's noise variance must grow to cover its error, where that is largest."""
         shares = [
-            error / self._noise_std[sensor, one.channel]
+            error / self.noise_std[sensor, one.channel]
             for one, error in worst_error(fit).items()
-            if one.sensor == sensor and self._noise_std[sensor, one.channel] > 0.0
+            if one.sensor == sensor and self.noise_std[sensor, one.channel] > 0.0
         ]
         return float(min(max(shares, default=0.0) ** 2, 1e6))
 
@@ -272,7 +290,7 @@ class Reactions:
 
         Of a bias no less than one deviation of the noise; of another kind so many deviations.
         """
-        noise = self._noise_std[sensor]
+        noise = self.noise_std[sensor]
         blind = (4.0 if kind in (Kind.STUCK, Kind.GARBAGE) else 2.0) * noise
         shadow = {"shadow_size": blind, "shadow_gain": 0.0 * noise, "shadow_lag": 0.0 * noise}
         field = {Kind.SCALE: "shadow_gain", Kind.DELAY: "shadow_lag"}.get(kind, "shadow_size")
@@ -291,107 +309,6 @@ class Reactions:
         self.write("until_ns", self.now_ns + 1, sensor)
         self.write("relapses", int(self.reaction["relapses"][sensor]) + 1, sensor)
 
-    def take_off(self, sensor: int, fit: Fit, kind: Kind) -> None:
-        """Take the error found, on top of what is taken off already, off every reading since its onset."""
-        if kind not in LASTING:
-            return
-        onset_ns = max(1, self.onset_ns(fit.onset))
-        now = self._next_correction(sensor, onset_ns)
-        for k, part in enumerate(fit.hypothesis.parts):
-            for one in part:
-                if one.sensor == sensor:
-                    channel = self._channel(one)
-                    put_on(now, kind, channel, float(fit.size[k]))
-                    if kind is Kind.BIAS and not one.is_input:
-                        self._widened.append((sensor, channel, float(np.sqrt(fit.covariance[k, k]))))
-        for field, value in now.items():
-            self._write_correction(field, value, sensor)
-        self.since(fit.onset)
-
-    def _next_correction(self, sensor: int, onset_ns: int) -> dict[str, Any]:
-        """End the correction now in force at `onset_ns`, and return what goes on from there."""
-        was = {
-            field: np.array(self.reaction[field][sensor])
-            for field in ("from_ns", "to_ns", *CORRECTIONS.values())
-        }
-        now = {field: np.array(was[field][1]) for field in CORRECTIONS.values()}
-        if was["from_ns"][1] and not was["to_ns"][1]:
-            now["offset"] += now["drift"] * (onset_ns - was["from_ns"][1]) * 1e-9
-            was["to_ns"][1] = onset_ns
-        else:
-            now = {field: np.zeros_like(value) for field, value in now.items()}
-        for field, value in was.items():
-            for records in self.engine.histories:
-                records["reaction"][field][:, sensor, 0] = value[1]
-        return {**now, "from_ns": onset_ns, "to_ns": 0}
-
-    def _write_correction(self, field: str, value: Any, sensor: int) -> None:
-        for records in self.engine.histories:
-            records["reaction"][field][:, sensor, 1] = value
-
-    def taken(self, sensor: int) -> NDArray[np.float64]:
-        """What is taken off the sensor's readings now, in the columns of `faults.hearing`."""
-        return np.concatenate([self.reaction[CORRECTIONS[kind]][sensor, 1] for kind in KINDS])
-
-    def take_off_instead(self, sensor: int, kind: Kind, sizes: Mapping[int, float]) -> None:
-        """Take another error off, by raw channel, since the onset of the one taken off till now."""
-        for field in CORRECTIONS.values():
-            self._write_correction(field, 0.0, sensor)
-        value = np.zeros(self.layout.shape.payload)
-        for channel, size in sizes.items():
-            value[channel] = size
-        self._write_correction(CORRECTIONS[kind], value, sensor)
-        from_ns = int(self.reaction["from_ns"][sensor, 1])
-        self._since_ns = from_ns if self._since_ns is None else min(from_ns, self._since_ns)
-
-    def end_correction(self, sensor: int, fit: Fit) -> None:
-        """Believe the readings as they are from the fit's onset on."""
-        self._next_correction(sensor, self.onset_ns(fit.onset))
-        self._write_correction("from_ns", 0, sensor)
-        channel = max(0, int(self.reaction["channel"][sensor]))
-        self._widened.append((sensor, channel, float(self.reaction["size_std"][sensor])))
-        self.since(fit.onset)
-
-    def stop_correcting(self, sensor: int, onset: int) -> None:
-        """Believe the readings as they are from an entry on, and let the estimate return to where they are."""
-        taken = self._next_correction(sensor, self.onset_ns(onset))["offset"]
-        self._write_correction("from_ns", 0, sensor)
-        self._widened += [(sensor, channel, abs(float(size))) for channel, size in enumerate(taken) if size]
-        self._doubted = True
-        self.since(onset)
-
-    def left_over(self, sensor: int, fit: Fit, kind: Kind) -> tuple[float, float]:
-        """The error that would remain if the fit's were added to the one taken off, and its deviation.
-
-        A scale is judged as a factor, a delay in s, all else in the channel's unit at the fit's onset.
-        """
-        at = next(
-            k for k, part in enumerate(fit.hypothesis.parts) if any(one.sensor == sensor for one in part)
-        )
-        size, variance = float(fit.size[at]), float(fit.covariance[at, at])
-        known = float(self.reaction["size_std"][sensor])
-        channel = max(0, int(self.reaction["channel"][sensor]))
-        if kind is Kind.SCALE:
-            gain = (1.0 + float(self.reaction["gain_error"][sensor, 1, channel])) * (1.0 + size) - 1.0
-            return gain, float(np.hypot(known, np.sqrt(variance)))
-        if kind is Kind.DELAY:
-            lag = float(self.reaction["lag"][sensor, 1, channel]) + size
-            return lag, float(np.hypot(known, np.sqrt(variance)))
-        since_s = (self.onset_ns(fit.onset) - int(self.reaction["from_ns"][sensor, 1])) * 1e-9
-        taken = float(self.reaction["offset"][sensor, 1, channel])
-        taken += float(self.reaction["drift"][sensor, 1, channel]) * since_s
-        if self.reaction["kind"][sensor] == Kind.DRIFT:
-            known *= since_s
-        gain = 1.0 + float(self.reaction["gain_error"][sensor, 1, channel])
-        left = taken + (gain * size if kind is Kind.BIAS else 0.0)
-        return left, float(np.hypot(known, gain * np.sqrt(variance)))
-
-    def total(self, sensor: int, kind: Kind) -> float:
-        """All that is taken off the sensor's readings now, of one kind: its size as it is told."""
-        channel = max(0, int(self.reaction["channel"][sensor]))
-        taken = float(self.reaction[CORRECTIONS[kind]][sensor, 1, channel])
-        return 1.0 + taken if kind is Kind.SCALE else taken
-
     def _widen(self, sensor: int, channel: int, std: float) -> None:
         """Add the uncertainty of a bias to the primary filter and the levels it is made of.
 
@@ -403,6 +320,11 @@ class Reactions:
         for row, filtered in enumerate(self.layout.filters):
             if filtered.hears in ("all", "level"):
                 widen(self.engine, row, np.outer(g, g))
+
+
+def doubled_ns(shortest_s: float, times: int) -> int:
+    """A wait that doubles with every relapse; `times` from 0."""
+    return int(shortest_s * 2.0 ** min(times, DOUBLINGS) * NANOSECONDS)
 
 
 def widen(engine: Engine, row: int, more: NDArray[np.float64]) -> None:

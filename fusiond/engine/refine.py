@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond.engine.correction import LASTING
+from fusiond.engine.correction import LASTING, replace_correction, taken_off
 from fusiond.engine.reactions import Reactions
 from fusiond.faults.hearing import begin, hear
 from fusiond.faults.hypotheses import Hypothesis, Place
 from fusiond.faults.kinds import FAMILY, SHAPE
 from fusiond.faults.refining import Account, accounts, best_of_kinds, ended, settle_kind, sizes_of
+from fusiond.numerics.ud import Vector
 from fusiond.types import NANOSECONDS, Health, Kind, Role
 
 if TYPE_CHECKING:
@@ -76,32 +77,30 @@ def is_watched(reactions: Reactions, sensor: int) -> bool:
     return bool(began[sensor] and lasting)
 
 
-def refine(reactions: Reactions, hypotheses: Sequence[Hypothesis], noise_std: NDArray[np.float64]) -> None:
+def refine(reactions: Reactions, hypotheses: Sequence[Hypothesis]) -> None:
     """Hear what has come since, and say of every sensor watched what it is most likely to have."""
     engine = reactions.engine
     sensors = [one.number for one in reactions.layout.sensors if is_watched(reactions, one.number)]
     if not sensors:
         return
-    window = engine.window
     for sensor in sensors:
-        refine_one(reactions, sensor, hypotheses, noise_std, window)
-    plan(reactions, reactions.now_ns + _wait_ns(engine, window, sensors))
+        refine_one(reactions, sensor, hypotheses)
+    plan(reactions, reactions.now_ns + _wait_ns(engine, sensors))
     reactions.replay()
 
 
-def refine_one(
-    reactions: Reactions, sensor: int, hypotheses: Sequence[Hypothesis], noise_std: NDArray[np.float64],
-    window: NDArray[Any],
-) -> bool:  # fmt: skip
+def refine_one(reactions: Reactions, sensor: int, hypotheses: Sequence[Hypothesis]) -> bool:
     """Hear one sensor and say what it has; whether that is another kind than before."""
     evidence, health = _evidence(reactions, sensor), reactions.reaction["health"][sensor]
-    hear(evidence, window, sensor, noise_std[sensor], reactions.now_ns - reactions.engine.horizon_ns)
-    taken = reactions.taken(sensor) if health == Health.FAULTY else None
+    window = reactions.engine.window
+    hear(
+        evidence, window, sensor, reactions.noise_std[sensor], reactions.now_ns - reactions.engine.horizon_ns
+    )
+    taken = taken_off(reactions, sensor) if health == Health.FAULTY else None
     known = Kind(int(reactions.reaction["kind"][sensor]))
-    found = settle_kind(accounts(evidence, hypotheses, sensor, taken), known)
-    if found is None or found[0].score < evidence[0]["score"] - SHAPE:
+    one = settle_kind(accounts(evidence, hypotheses, sensor, taken), known)
+    if one is None or one.score < evidence[0]["score"] - SHAPE:
         return False  # it explains less than it did: the fault may have ended, and what came since says nothing of it
-    one, _ = found
     evidence["score"] = max(one.score, float(evidence[0]["score"]))
     another = one.kind is not known
     if taken is not None:
@@ -109,10 +108,10 @@ def refine_one(
         another = another and known in (Kind.BIAS, Kind.DRIFT)
         if another:
             _say(reactions, sensor, one)
-            reactions.take_off_instead(sensor, one.kind, sizes_of(one))
-            evidence["matched"] += evidence[0]["information"] @ (taken - reactions.taken(sensor))
+            replace_correction(reactions, sensor, one.kind, sizes_of(one))
+            evidence["matched"] += evidence[0]["information"] @ (taken - taken_off(reactions, sensor))
     elif (health == Health.EXCLUDED or another) and not ended(
-        one, _stretches(evidence, window, sensor, noise_std)
+        one, _stretches(evidence, window, sensor, reactions.noise_std[sensor])
     ):
         # a sensor whose bias is gone was not biased, if it errs on in another way
         reactions.write("health", Health.EXCLUDED, sensor)
@@ -121,9 +120,9 @@ def refine_one(
     return another
 
 
-def _wait_ns(engine: Engine, window: NDArray[Any], sensors: list[int]) -> int:
+def _wait_ns(engine: Engine, sensors: list[int]) -> int:
     """Time until the evidence of the youngest fault has grown by its share."""
-    evidence = engine.desk[0]["evidence"]
+    evidence, window = engine.desk[0]["evidence"], engine.window
     age_ns = min(int(evidence["heard_ns"][k] - evidence["from_ns"][k]) for k in sensors)
     longest_ns = (
         int(MOST_OF_WINDOW * (window["t_ns"][-1] - window["t_ns"][0])) if len(window) else SHORTEST_NS
@@ -143,9 +142,7 @@ def _say(reactions: Reactions, sensor: int, one: Account) -> None:
         reactions.write(field, value, sensor)
 
 
-def goes_on(
-    reactions: Reactions, sensor: int, hypotheses: Sequence[Hypothesis], noise_std: NDArray[np.float64]
-) -> bool:
+def goes_on(reactions: Reactions, sensor: int, hypotheses: Sequence[Hypothesis]) -> bool:
     """Whether the fault of a sensor that is out may be there still, though its readings agree with the estimate.
 
     Every kind must be contradicted that, had it gone on till now, would explain nearly as much as the best one did when
@@ -154,15 +151,15 @@ def goes_on(
     if not is_watched(reactions, sensor):
         return False
     evidence, window = _evidence(reactions, sensor).copy(), reactions.engine.window
-    hear(evidence, window, sensor, noise_std[sensor], reactions.now_ns)
+    hear(evidence, window, sensor, reactions.noise_std[sensor], reactions.now_ns)
     least = max(float(evidence[0]["score"]) - POSSIBLE, 0.0)
     possible = best_of_kinds([one for one in accounts(evidence, hypotheses, sensor) if one.score > least])
-    stretches = _stretches(evidence, window, sensor, noise_std)
+    stretches = _stretches(evidence, window, sensor, reactions.noise_std[sensor])
     return any(not ended(one, stretches) for one in possible)
 
 
 def _stretches(
-    evidence: NDArray[Any], window: NDArray[Any], sensor: int, noise_std: NDArray[np.float64]
+    evidence: NDArray[Any], window: NDArray[Any], sensor: int, noise_std: Vector
 ) -> list[NDArray[Any]]:
     """(1,) each, what the last parts of the window say of the same fault, the longest first."""
     found, onset_ns = [], int(evidence[0]["from_ns"])
@@ -170,6 +167,6 @@ def _stretches(
         late = window[-(len(window) // share) :]
         recent = np.zeros_like(evidence)
         begin(recent, onset_ns, max(onset_ns, int(late["t_ns"][0])))
-        hear(recent, late, sensor, noise_std[sensor], int(late["t_ns"][-1]))
+        hear(recent, late, sensor, noise_std, int(late["t_ns"][-1]))
         found.append(recent)
     return found

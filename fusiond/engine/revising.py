@@ -11,21 +11,24 @@ while, twice as long each time.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING
 
-from fusiond.engine.correction import LASTING, Attempt
+from fusiond.engine.correction import (
+    LASTING,
+    Attempt,
+    add_correction,
+    drop_correction,
+    end_correction,
+    left_over,
+    total_taken_off,
+)
+from fusiond.engine.reactions import DOUBLINGS, Reactions, doubled_ns
 from fusiond.faults.glr import Fit
-from fusiond.types import NANOSECONDS, Health, Kind
-
-if TYPE_CHECKING:
-    from fusiond.engine.reactions import Reactions
+from fusiond.types import Health, Kind
 
 MOST = 4
 """Times a sensor's error may become another one before the sensor is believed as it is."""
 BAR_S = 30.0
 """Shortest time for which nothing is taken off then; doubled each time."""
-RELAPSES = 6
-"""Times after which it grows no longer."""
 SURE = 3.0
 """Standard deviations within which a remaining error is none."""
 
@@ -71,16 +74,16 @@ def _first(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
         return Taken.NOT
     reactions.name(sensor, fit, kind, Health.FAULTY)
     reactions.write("revisions", 0, sensor)
-    reactions.take_off(sensor, fit, kind)
+    add_correction(reactions, sensor, fit, kind)
     return Taken.OFF
 
 
 def _revise(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
     """A sensor used with its error taken off errs anew: it has healed, the error is another one, or there is none."""
-    left, std = reactions.left_over(sensor, fit, kind)
+    left, std = left_over(reactions, sensor, fit, kind)
     slack = 0.0 if kind in (Kind.SCALE, Kind.DELAY) else reactions.noise(sensor)
     if abs(left) < SURE * std + slack:
-        reactions.end_correction(sensor, fit)
+        end_correction(reactions, sensor, fit)
         reactions.clear(sensor)
         return Taken.NO_MORE
     count = int(reactions.reaction["revisions"][sensor]) + 1
@@ -88,9 +91,9 @@ def _revise(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
     if count > MOST:
         _give_up(reactions, fit)
         return Taken.NOT
-    reactions.take_off(sensor, fit, kind)
+    add_correction(reactions, sensor, fit, kind)
     reactions.name(sensor, fit, kind, Health.FAULTY)
-    reactions.write("size", reactions.total(sensor, kind), sensor)
+    reactions.write("size", total_taken_off(reactions, sensor, kind), sensor)
     return Taken.OFF
 
 
@@ -100,9 +103,9 @@ def _give_up(reactions: Reactions, fit: Fit) -> None:
         sensor for sensor in range(len(reactions.reaction["health"])) if is_corrected(reactions, sensor)
     ]
     for sensor in corrected:
-        times = min(int(reactions.reaction["barred"][sensor]), RELAPSES)
-        reactions.write("barred_ns", reactions.now_ns + int(BAR_S * 2.0**times * NANOSECONDS), sensor)
-        reactions.write("barred", times + 1, sensor)
-        reactions.stop_correcting(sensor, fit.onset)
+        times = int(reactions.reaction["barred"][sensor])
+        reactions.write("barred_ns", reactions.now_ns + doubled_ns(BAR_S, times), sensor)
+        reactions.write("barred", min(times, DOUBLINGS) + 1, sensor)
+        drop_correction(reactions, sensor, fit.onset)
         reactions.clear(sensor)
         reactions.write("health", Health.SUSPECT, sensor)

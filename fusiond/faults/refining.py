@@ -123,8 +123,8 @@ def best_of_kinds(found: Sequence[Account]) -> list[Account]:
     return list(best.values())
 
 
-def settle_kind(found: Sequence[Account], known: Kind) -> tuple[Account, tuple[Kind, ...]] | None:
-    """The error to name, and the kinds that are not ruled out beside it; None where there is no error.
+def settle_kind(found: Sequence[Account], known: Kind) -> Account | None:
+    """The error to name; None where there is no error.
 
     Args:
         found: of `accounts`.   known: the kind named so far, which stays until another explains more by `SHAPE`.
@@ -133,10 +133,7 @@ def settle_kind(found: Sequence[Account], known: Kind) -> tuple[Account, tuple[K
     if not best or best[0].score <= 0.0:
         return None
     named = next((one for one in best if one.kind is known), best[0])
-    if best[0].score - named.score > SHAPE:
-        named = best[0]
-    close = tuple(one.kind for one in best if one is not named and named.score - one.score <= SHAPE)
-    return named, close
+    return best[0] if best[0].score - named.score > SHAPE else named
 
 
 def ended(one: Account, lately: Sequence[NDArray[Any]]) -> bool:

@@ -38,10 +38,10 @@ def steps_without(shift: float, dead_band: float = 0.0) -> Steps:
     return Steps(-0.5 * (shift * shift - dead_band * dead_band), shift - dead_band)
 
 
-def steps_with(shift: float, dead_band: float = 0.0, true_shift: float | None = None) -> Steps:
-    """Law of the increment after a change of the mean to `true_shift`, by default the shift tested for."""
-    before = steps_without(shift, dead_band)
-    return Steps(before.mean + before.std * (shift if true_shift is None else true_shift), before.std)
+def steps_with(shift: float) -> Steps:
+    """Law of the increment after a change of the mean to the shift tested for."""
+    before = steps_without(shift)
+    return Steps(before.mean + before.std * shift, before.std)
 
 
 @lru_cache(maxsize=64)
@@ -64,39 +64,24 @@ def densities(points: Vector, nodes: Vector, steps: Steps) -> Matrix:
     return density
 
 
-def average_run_length(threshold: float, steps: Steps, single: float = math.inf) -> float:
-    """Mean number of readings until the alarm, from L = 0.
-
-    Args:
-        threshold: h > 0.   single: largest share of h that one reading can carry L from 0; infinite without limit.
-    """
-    cap = min(single, 1.0) * threshold
-    low, low_weights = panel(0.0, cap, steps.std)
-    nodes, weights = low, low_weights
-    if cap < threshold:
-        high, high_weights = panel(cap, threshold, steps.std)
-        nodes, weights = np.append(low, high), np.append(low_weights, high_weights)
-    # unknowns: A(0), A(cap), A at the nodes
-    starts = np.concatenate(([0.0, cap], nodes))
-    kernel = np.zeros((len(starts), len(starts)))
+def average_run_length(threshold: float, steps: Steps) -> float:
+    """Mean number of readings until the alarm at h = `threshold` > 0, from L = 0."""
+    nodes, weights = panel(0.0, threshold, steps.std)
+    starts = np.append(0.0, nodes)
+    kernel = np.empty((len(starts), len(starts)))
     kernel[:, 0] = ndtr((-starts - steps.mean) / steps.std)
-    kernel[:, 2:] = densities(starts, nodes, steps) * weights
-    if single < 1.0:
-        kernel[0, 2 + len(low) :] = 0.0
-        kernel[0, 1] = ndtr((steps.mean - cap) / steps.std)
+    kernel[:, 1:] = densities(starts, nodes, steps) * weights
     return float(np.linalg.solve(np.eye(len(starts)) - kernel, np.ones(len(starts)))[0])
 
 
-def shift_threshold(
-    run_length: float, shift: float, dead_band: float = 0.0, single: float = math.inf
-) -> float:
+def shift_threshold(run_length: float, shift: float, dead_band: float = 0.0) -> float:
     """Threshold h whose average run length without a change is `run_length` readings (Newton's slope of ln A is 1)."""
     steps = steps_without(shift, dead_band)
     wanted = math.log(run_length)
     low, high = 0.0, wanted + shift * shift
     h = max(wanted - 2.5, 0.3)
     for _ in range(60):
-        error = wanted - math.log(average_run_length(h, steps, single))
+        error = wanted - math.log(average_run_length(h, steps))
         if abs(error) < 1e-9:
             break
         low, high = (h, high) if error > 0.0 else (low, h)
@@ -105,6 +90,6 @@ def shift_threshold(
     return h
 
 
-def shift_delay(threshold: float, shift: float, true_shift: float | None = None) -> float:
+def shift_delay(threshold: float, shift: float) -> float:
     """Mean number of readings from the change to the alarm, with L = 0 at the change (the worst case)."""
-    return average_run_length(threshold, steps_with(shift, 0.0, true_shift))
+    return average_run_length(threshold, steps_with(shift))

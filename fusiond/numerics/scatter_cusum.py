@@ -35,13 +35,13 @@ def chi_square(q: Vector, dof: int) -> tuple[Vector, Vector]:
     return F, 2.0 * at * F - dof * np.asarray(gammainc(dof / 2.0 + 1.0, at), dtype=np.float64)
 
 
-def increment_law(ratio: float, dofs: Mapping[int, float], scale: float = 1.0) -> Law:
+def increment_law(ratio: float, dofs: Mapping[int, float]) -> Law:
     """Law of the increment for a variance ratio s.
 
     Args:
-        dofs: share of readings by their number of channels.   scale: true variance of the noise.
+        dofs: share of readings by their number of channels.
     """
-    slope = 0.5 * (1.0 - 1.0 / ratio) * scale
+    slope = 0.5 * (1.0 - 1.0 / ratio)
     shares = {dof: share / sum(dofs.values()) for dof, share in dofs.items()}
 
     def law(x: Vector) -> tuple[Vector, Vector]:

@@ -9,12 +9,15 @@ import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from fusiond import config
+from fusiond.config import kinds, read, sections, whole
+from fusiond.config.sections import Section
+from fusiond.control.catalogue import LAWS
+from fusiond.models.catalogue import PROCESSES, SENSORS
 
 CONFIGS = sorted((Path(__file__).resolve().parents[2] / "configs").glob("*.toml"))
 KINDS = {
     f"{part}.{kind}": module
-    for part, modules in {"model": config.PROCESSES, "sensor": config.SENSORS, "control": config.LAWS}.items()
+    for part, modules in {"model": PROCESSES, "sensor": SENSORS, "control": LAWS}.items()
     for kind, module in modules.items()
 }
 
@@ -26,16 +29,18 @@ def undocumented(section: type[BaseModel]) -> list[str]:
 
 
 def is_section(field: FieldInfo) -> bool:
-    return inspect.isclass(field.annotation) and issubclass(field.annotation, config.Section)
+    return inspect.isclass(field.annotation) and issubclass(field.annotation, Section)
 
 
-def sections() -> list[type[BaseModel]]:
-    """The sections written in config.py; those made from a kind's `describe` are judged by its docstring."""
-    found = [value for value in vars(config).values() if inspect.isclass(value)]
-    return [section for section in found if issubclass(section, config.Section)]
+def written() -> list[type[Section]]:
+    """The sections written out; those made from a kind's `describe` are judged by its docstring."""
+    found = {
+        value for room in (sections, kinds, whole) for value in vars(room).values() if inspect.isclass(value)
+    }
+    return sorted((one for one in found if issubclass(one, Section)), key=lambda one: one.__name__)
 
 
-@pytest.mark.parametrize("section", sections(), ids=lambda section: section.__name__)
+@pytest.mark.parametrize("section", written(), ids=lambda section: section.__name__)
 def test_a_setting_has_a_description(section):
     assert undocumented(section) == []
 
@@ -61,4 +66,4 @@ def test_a_bare_setting_is_seen():
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_a_config_of_the_project_is_well_formed(path):
     """Named like its file, so that the demo and the keys find it."""
-    assert config.read(path).name == path.stem
+    assert read(path).name == path.stem

@@ -112,11 +112,11 @@ def test_the_known_kind_stays_until_another_has_parted_from_it(runs):
     evidence["matched"] += 0.5 * evidence[0]["information"][KINDS.index(Kind.BIAS)]
     found = accounts(evidence, catalogue({number: 1}), number)
     best = best_of_kinds(found)
-    assert settle_kind(found, best[0].kind)[0].kind is best[0].kind
+    assert settle_kind(found, best[0].kind).kind is best[0].kind
     assert settle_kind([], Kind.BIAS) is None
     second = best[1]
     parted = best[0].score - second.score > 2.0
-    assert (settle_kind(found, second.kind)[0].kind is second.kind) is not parted
+    assert (settle_kind(found, second.kind).kind is second.kind) is not parted
 
 
 def test_stamps_beyond_the_horizon_wait(runs):

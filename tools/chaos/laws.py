@@ -38,15 +38,18 @@ class Findings:
     astray: tuple[str, ...]
 
 
-def broken_laws(
-    reports: NDArray[Any], given: int, digest: str, again: str, *, known: frozenset[int] = frozenset(Verdict)
-) -> tuple[str, ...]:
-    """The laws that reports on so many readings break, with the digests of the run and of its repetition."""
+def broken_laws(reports: NDArray[Any], given: int, digest: str, again: str) -> tuple[str, ...]:
+    """The laws that a run breaks.
+
+    Args:
+        reports: of `layout.report`, one for each of the `given` readings.
+        digest, again: of all reports of the run, and of its repetition in other portions.
+    """
     broken = []
     live = reports[reports["service"] != ServiceHealth.INVALID]
     if not (np.isfinite(live["x"]).all() and np.isfinite(live["std"]).all()):
         broken.append("a number that is none in an estimate")
-    if len(reports) != given or not set(np.unique(reports["verdict"]).tolist()) <= known:
+    if len(reports) != given or not set(np.unique(reports["verdict"]).tolist()) <= set(Verdict):
         broken.append("a reading without a verdict")
     if digest != again:
         broken.append("other bits for the same readings")

@@ -48,13 +48,15 @@ def drawn(rng: np.random.Generator, sigma: Mapping[str, float], seconds: float) 
 
 
 def _fault(rng: np.random.Generator, sensor: str, sigma: float, seconds: float) -> Fault:
-    kind = rng.choice(list(Kind))
+    """One fault of any kind; sigma: deviation of the sensor's noise, in its unit."""
+    kind = Kind(rng.choice(list(Kind)))
     start_s, lasting_s = seconds * rng.uniform(FIRST, LAST), seconds * rng.uniform(SHORTEST, LONGEST)
+    size = float(f"{_size(rng, kind, sigma, lasting_s):.4g}") if kind in SIZES else 0.0
     return Fault(
         sensor=sensor,
-        kind=Kind(kind),
+        kind=kind,
         start_ns=nanoseconds(round(start_s, 3)),
-        size=float(f"{_size(rng, Kind(kind), sigma, lasting_s):.4g}") if kind in SIZES else 0.0,
+        size=size,
         duration_ns=nanoseconds(max(round(lasting_s, 3), 0.001)),
     )
 
