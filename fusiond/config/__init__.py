@@ -15,10 +15,11 @@ from fusiond.config.sections import (
     FuzzySection,
     InputSection,
     SensorSection,
+    ServiceSection,
 )
 from fusiond.config.whole import RESERVED, Config
 
 __all__ = [
     "RESERVED", "AdaptationSection", "Config", "ControlSection", "FaultsSection", "FilterSection", "FusionSection",
-    "FuzzySection", "InputSection", "SensorSection", "nearest", "parameters", "parse", "read", "schema",
+    "FuzzySection", "InputSection", "SensorSection", "ServiceSection", "nearest", "parameters", "parse", "read", "schema",
 ]  # fmt: skip
