@@ -11,6 +11,7 @@ readings are replayed with it, and where there are not fewer it is withdrawn: wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,6 +39,29 @@ def put_on(taken: dict[str, Any], kind: Kind, channel: int, size: float) -> None
     gain = 1.0 + float(taken["gain_error"][channel])
     share = gain if kind in (Kind.BIAS, Kind.DRIFT, Kind.SCALE) else 1.0
     taken[CORRECTIONS[kind]][channel] += share * size
+
+
+def once_gone(
+    window: NDArray[Any], reaction: Any, sensor: int, drives: Sequence[int] = ()
+) -> NDArray[np.float64]:
+    """(W, m) error of a sensor's corrected readings, raw channels, in each entry if what is taken off had gone by then.
+
+    Args:
+        reaction: one record.   drives: process input of each channel, of a sensor that drives: then (W, k) of inputs.
+    """
+    since_s = ((window["t_ns"] - reaction["from_ns"][sensor, 1]) * 1e-9)[:, None]
+    offset, drift, gain_error, lag = (reaction[field][sensor, 1] for field in CORRECTIONS.values())
+    m = window["h"].shape[1]
+    h, hdot = (np.zeros((len(window), len(offset))) for _ in range(2))
+    if not len(drives):
+        h[:, :m], hdot[:, :m] = window["h"], window["hdot"]
+    left = (h - offset - drift * since_s) / (1.0 + gain_error) - h + hdot * lag
+    left = np.where(since_s >= 0.0, left, 0.0)
+    if not len(drives):
+        return np.asarray(left[:, :m])
+    of_inputs = np.zeros((len(window), window["B"].shape[2]))
+    of_inputs[:, list(drives)] = left[:, : len(drives)]
+    return of_inputs
 
 
 def misfit(engine: Engine, since_ns: int) -> float:

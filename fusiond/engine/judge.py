@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import Reactions
 from fusiond.engine.refine import goes_on, is_watched, refine, refine_one, watch
-from fusiond.engine.revising import is_corrected, take_off
+from fusiond.engine.revising import end_gone, is_corrected, take_off
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -164,7 +164,7 @@ class Judge:
             reactions.freeze(finding.sensors)
         if self._alone(reactions, finding) and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + (self._step if age > 0 else self._until_next(reactions, finding))
-        elif self._bad_sample(reactions, finding):
+        elif self._bad_sample(reactions, finding) or end_gone(reactions, finding):
             reactions.close()
         elif undecided and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + max(self._step, int(PATIENCE * age))
@@ -258,7 +258,11 @@ class Judge:
             return False
         if self.layout.sensors[sensor].role is Role.INPUT:
             return self.replaceable[sensor]
-        gone = {*reactions.out(), *together}
+        return self._spared(reactions, together)
+
+    def _spared(self, reactions: Reactions, sensors: tuple[int, ...]) -> bool:
+        """Whether every state is still seen without these and all that are out."""
+        gone = {*reactions.out(), *sensors}
         return self.enough(frozenset(s for s in gone if self.layout.sensors[s].role is Role.UPDATE))
 
     def _react(self, reactions: Reactions, finding: Finding) -> None:
@@ -383,7 +387,7 @@ class Judge:
         onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
         reactions.close()
         reactions.name_unusable(sensor, kind, onset)
-        reactions.exclude(sensor, onset)
+        reactions.exclude(sensor, onset, spared=self._spared(reactions, (sensor,)))
         reactions.expect(sensor, kind, {})
         if self.layout.sensors[sensor].role is Role.INPUT:
             self._schedule(reactions, sensor)

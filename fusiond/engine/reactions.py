@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond.engine.correction import CORRECTIONS, LASTING, put_on
+from fusiond.engine.correction import CORRECTIONS, LASTING, once_gone, put_on
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -232,14 +232,18 @@ class Reactions:
         ]
         return float(min(max(shares, default=0.0) ** 2, 1e6))
 
-    def exclude(self, sensor: int, onset: int) -> None:
-        """Stop using the sensor."""
+    def exclude(self, sensor: int, onset: int, *, spared: bool = True) -> None:
+        """Stop using the sensor.
+
+        Args:
+            spared: whether the others see every state; else a filter that never had it knows less than was known before.
+        """
         rows, name = self.layout.filters, self.layout.sensors[sensor].name
         refused = self.engine.track[0]["monitor"]["refused"].max(axis=1)
         clean = [
             k
             for k, row in enumerate(rows)
-            if row.hears == "without" and row.sensor == name and refused[k] < ASTRAY
+            if spared and row.hears == "without" and row.sensor == name and refused[k] < ASTRAY
         ]
         others = [k for k, row in enumerate(rows) if row.hears != "only" and k not in clean]
         self.write("excluded", 1, sensor)
@@ -342,13 +346,44 @@ class Reactions:
         from_ns = int(self.reaction["from_ns"][sensor, 1])
         self._since_ns = from_ns if self._since_ns is None else min(from_ns, self._since_ns)
 
-    def end_correction(self, sensor: int, fit: Fit) -> None:
-        """Believe the readings as they are from the fit's onset on."""
-        self._next_correction(sensor, self.onset_ns(fit.onset))
+    def end_correction(self, sensor: int, onset: int) -> None:
+        """Believe the readings as they are from now on: those since the entry are held against an estimate too sure.
+
+        How unsure the error taken off was is added to the estimate now, so what came meanwhile is left out.
+        """
+        self._widened += self._doubts(sensor)
+        self._next_correction(sensor, self.onset_ns(onset))
         self._write_correction("from_ns", 0, sensor)
-        channel = max(0, int(self.reaction["channel"][sensor]))
-        self._widened.append((sensor, channel, float(self.reaction["size_std"][sensor])))
-        self.since(fit.onset)
+        if self.layout.sensors[sensor].role is Role.UPDATE:
+            self._leave_out_until_now(sensor, self.onset_ns(onset))
+        self.since(onset)
+
+    def _leave_out_until_now(self, sensor: int, from_ns: int) -> None:
+        """Do without a sensor in the time since then alone."""
+        for field, value in (("excluded", 1), ("out_from_ns", from_ns), ("until_ns", self.now_ns + 1)):
+            self.write(field, value, sensor)
+
+    def unsure(self, sensor: int) -> float:
+        """Deviation of the error taken off a sensor, as a share of it."""
+        reaction = self.reaction
+        usual = 1.0 if reaction["kind"][sensor] == Kind.SCALE else 0.0
+        size = abs(float(reaction["size"][sensor]) - usual)
+        return min(float(reaction["size_std"][sensor]) / size, 1.0) if size > 0.0 else 1.0
+
+    def _doubts(self, sensor: int) -> list[tuple[int, int, float]]:
+        """Of each channel that an error is taken off, how unsure that is by now: as a share, and by its noise."""
+        own = np.flatnonzero(self.window["sensor"] == sensor)
+        if not len(own):
+            return []
+        left = np.abs(once_gone(self.window[own[-1:]], self.reaction, sensor)[0])
+        main = max(0, int(self.reaction["channel"][sensor]))
+        noise = self._noise_std[sensor]
+        by_noise = left[main] * noise / noise[main] if noise[main] > 0.0 else 0.0 * noise
+        share = self.unsure(sensor)
+        return [
+            (sensor, int(channel), share * float(max(left[channel], by_noise[channel])))
+            for channel in np.flatnonzero(left)
+        ]
 
     def stop_correcting(self, sensor: int, onset: int) -> None:
         """Believe the readings as they are from an entry on, and let the estimate return to where they are."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond.engine.correction import LASTING
+from fusiond.engine.correction import LASTING, Attempt
 from fusiond.engine.reactions import Reactions
 from fusiond.faults.hearing import begin, hear
 from fusiond.faults.hypotheses import Hypothesis, Place
@@ -35,6 +35,8 @@ POSSIBLE = 2.0 * FAMILY
 """A kind that explains the evidence less well by this, in log likelihood, is none that the fault may have."""
 SURE = 2.0
 """Standard deviations of its onset after which a fault has surely begun."""
+SAID = ("kind", "channel", "size", "size_std")
+"""Fields that tell a fault's kind and size."""
 WATCHED = (Health.EXCLUDED, Health.PROBATION, Health.FAULTY)
 
 
@@ -82,10 +84,9 @@ def refine(reactions: Reactions, hypotheses: Sequence[Hypothesis], noise_std: ND
     sensors = [one.number for one in reactions.layout.sensors if is_watched(reactions, one.number)]
     if not sensors:
         return
-    window = engine.window
     for sensor in sensors:
-        refine_one(reactions, sensor, hypotheses, noise_std, window)
-    plan(reactions, reactions.now_ns + _wait_ns(engine, window, sensors))
+        refine_one(reactions, sensor, hypotheses, noise_std, engine.window)
+    plan(reactions, reactions.now_ns + _wait_ns(engine, engine.window, sensors))
     reactions.replay()
 
 
@@ -106,10 +107,8 @@ def refine_one(
     another = one.kind is not known
     if taken is not None:
         # its predictions hold what it said before: a scale or delay that outdid a bias in the window is left as it is
-        another = another and known in (Kind.BIAS, Kind.DRIFT)
+        another = another and known in (Kind.BIAS, Kind.DRIFT) and _take_off_instead(reactions, sensor, one)
         if another:
-            _say(reactions, sensor, one)
-            reactions.take_off_instead(sensor, one.kind, sizes_of(one))
             evidence["matched"] += evidence[0]["information"] @ (taken - reactions.taken(sensor))
     elif (health == Health.EXCLUDED or another) and not ended(
         one, _stretches(evidence, window, sensor, noise_std)
@@ -119,6 +118,21 @@ def refine_one(
         _say(reactions, sensor, one)
         reactions.expect(sensor, one.kind, sizes_of(one))
     return another
+
+
+def _take_off_instead(reactions: Reactions, sensor: int, one: Account) -> bool:
+    """Take another error off a sensor in use, on trial; whether that made the innovations smaller, or was undone."""
+    attempt = Attempt(reactions.engine, (sensor,), int(reactions.reaction["from_ns"][sensor, 1]))
+    said = {field: reactions.reaction[field][sensor].copy() for field in SAID}
+    _say(reactions, sensor, one)
+    reactions.take_off_instead(sensor, one.kind, sizes_of(one))
+    reactions.replay()
+    if attempt.helped:
+        return True
+    for field, value in said.items():
+        reactions.write(field, value, sensor)
+    attempt.withdraw()
+    return False
 
 
 def _wait_ns(engine: Engine, window: NDArray[Any], sensors: list[int]) -> int:

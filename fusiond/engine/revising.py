@@ -13,9 +13,13 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from fusiond.engine.correction import LASTING, Attempt
+from fusiond.engine.correction import LASTING, Attempt, once_gone
+from fusiond.faults.ending import Ending, find_ending
 from fusiond.faults.glr import Fit
-from fusiond.types import NANOSECONDS, Health, Kind
+from fusiond.faults.isolation import Finding, Outcome
+from fusiond.faults.kinds import FAMILY
+from fusiond.faults.response import Response
+from fusiond.types import NANOSECONDS, Health, Kind, Role
 
 if TYPE_CHECKING:
     from fusiond.engine.reactions import Reactions
@@ -28,6 +32,9 @@ RELAPSES = 6
 """Times after which it grows no longer."""
 SURE = 3.0
 """Standard deviations within which a remaining error is none."""
+
+SHAPELY = 0.1
+"""No error keeps the shape that was taken off better than to this share of it."""
 
 
 class Taken(IntEnum):
@@ -64,6 +71,41 @@ def is_corrected(reactions: Reactions, sensor: int) -> bool:
     return bool(reaction["health"][sensor] == Health.FAULTY and reaction["kind"][sensor] in LASTING)
 
 
+def end_gone(reactions: Reactions, finding: Finding) -> bool:
+    """Take no more off a sensor where its error having gone explains the innovations as well as anything; whether so.
+
+    It is asked of every sensor that an error is taken off, whomever the finding names: where the error was not quite of
+    the shape that was taken off, another sensor's fault may imitate its end.
+    """
+    fit = finding.fit
+    if fit is None:
+        return False
+    best = fit.score + (finding.margin if finding.outcome is Outcome.MODEL else 0.0)
+    endings = [
+        (ending, sensor)
+        for sensor in corrected(reactions)
+        if (ending := _ending(reactions, sensor, fit.ground.response))
+    ]
+    ending, sensor = max(endings, key=lambda one: one[0].score, default=(None, -1))
+    if ending is None or ending.score < max(best, FAMILY):
+        return False
+    reactions.end_correction(sensor, ending.onset)
+    reactions.clear(sensor)
+    reactions.replay()
+    return True
+
+
+def _ending(reactions: Reactions, sensor: int, response: Response) -> Ending | None:
+    """When the error taken off a sensor has gone, most likely."""
+    layout, of = reactions.layout, reactions.layout.sensors[sensor]
+    drives: tuple[int, ...] = ()
+    if of.role is Role.INPUT:
+        names = [slot.name for slot in layout.inputs]
+        drives = tuple(names.index(channel.name) for channel in of.channels)
+    left = once_gone(reactions.window, reactions.reaction, sensor, drives)
+    return find_ending(response, sensor, drives, left, max(reactions.unsure(sensor), SHAPELY))
+
+
 def _first(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
     """Take the first error of a sensor off, unless that has led nowhere lately."""
     if reactions.now_ns < int(reactions.reaction["barred_ns"][sensor]):
@@ -75,12 +117,17 @@ def _first(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
     return Taken.OFF
 
 
+def corrected(reactions: Reactions) -> list[int]:
+    """Numbers of the sensors that an error is taken off."""
+    return [sensor for sensor in range(len(reactions.reaction["health"])) if is_corrected(reactions, sensor)]
+
+
 def _revise(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
     """A sensor used with its error taken off errs anew: it has healed, the error is another one, or there is none."""
     left, std = reactions.left_over(sensor, fit, kind)
     slack = 0.0 if kind in (Kind.SCALE, Kind.DELAY) else reactions.noise(sensor)
     if abs(left) < SURE * std + slack:
-        reactions.end_correction(sensor, fit)
+        reactions.end_correction(sensor, fit.onset)
         reactions.clear(sensor)
         return Taken.NO_MORE
     count = int(reactions.reaction["revisions"][sensor]) + 1
@@ -96,10 +143,7 @@ def _revise(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
 
 def _give_up(reactions: Reactions, fit: Fit) -> None:
     """Believe all readings as they are from the fit's onset on, and bar those that were corrected from correction."""
-    corrected = [
-        sensor for sensor in range(len(reactions.reaction["health"])) if is_corrected(reactions, sensor)
-    ]
-    for sensor in corrected:
+    for sensor in corrected(reactions):
         times = min(int(reactions.reaction["barred"][sensor]), RELAPSES)
         reactions.write("barred_ns", reactions.now_ns + int(BAR_S * 2.0**times * NANOSECONDS), sensor)
         reactions.write("barred", times + 1, sensor)
