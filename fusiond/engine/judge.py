@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import Reactions
-from fusiond.engine.refine import goes_on, is_watched, refine, refine_one, watch
+from fusiond.engine.refine import goes_on, is_watched, lead_of_another, refine, refine_one, watch
 from fusiond.engine.revising import end_gone, is_corrected, take_off
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
@@ -164,7 +164,7 @@ class Judge:
             reactions.freeze(finding.sensors)
         if self._alone(reactions, finding) and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + (self._step if age > 0 else self._until_next(reactions, finding))
-        elif self._bad_sample(reactions, finding) or end_gone(reactions, finding):
+        elif self._bad_sample(reactions, finding) or self._end_gone(reactions, finding):
             reactions.close()
         elif undecided and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + max(self._step, int(PATIENCE * age))
@@ -253,8 +253,11 @@ class Judge:
         return isolate(seen, asked, restless=noisy, twins=Twins(self.twins, covered))
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
-        """Whether the sensor, with all that are out or go out with it, can be done without."""
-        if self.policy[sensor] == "compensate":
+        """Whether the sensor, with all that are out or go out with it, can be done without.
+
+        To take its error off instead was asked for an error that is known. Who errs on all the same is done without.
+        """
+        if self.policy[sensor] == "compensate" and not is_corrected(reactions, sensor):
             return False
         if self.layout.sensors[sensor].role is Role.INPUT:
             return self.replaceable[sensor]
@@ -277,10 +280,13 @@ class Judge:
             return
         kept = []
         for sensor in fit.place:
-            if is_corrected(reactions, sensor):
+            spared = self._excludable(reactions, sensor, fit.place)
+            if is_corrected(reactions, sensor) and not spared:
                 if not (is_watched(reactions, sensor) and self._is_another(reactions, sensor)):
                     kept.append(sensor)
-            elif self._excludable(reactions, sensor, fit.place):
+            elif spared:
+                if is_corrected(reactions, sensor):
+                    reactions.drop_correction(sensor, fit.onset)
                 found = reactions.name(sensor, fit, kind, Health.EXCLUDED)
                 self._send_out(reactions, sensor, fit)
                 watch(reactions, sensor, fit.place, found.onset_std_s)
@@ -308,6 +314,11 @@ class Judge:
     def _is_another(self, reactions: Reactions, sensor: int) -> bool:
         """Whether all that is known since the onset says that the error taken off is of another kind."""
         return refine_one(reactions, sensor, self.hypotheses, self.noise_std, reactions.engine.window)
+
+    def _end_gone(self, reactions: Reactions, finding: Finding) -> bool:
+        """Whether an error that is taken off has gone, which explains it all; an error of another kind has not."""
+        lead = partial(lead_of_another, reactions, self.hypotheses, self.noise_std)
+        return end_gone(reactions, finding, lead)
 
     def _burst(self, reactions: Reactions, fit: Fit) -> None:
         """A spike of a sensor has been gated; one of an input is taken out, and a long one tells of its sensor."""

@@ -236,7 +236,7 @@ class Reactions:
         """Stop using the sensor.
 
         Args:
-            spared: whether the others see every state; else a filter that never had it knows less than was known before.
+            spared: whether the others see every state; else one that never had it knows less than was known before.
         """
         rows, name = self.layout.filters, self.layout.sensors[sensor].name
         refused = self.engine.track[0]["monitor"]["refused"].max(axis=1)
@@ -352,11 +352,15 @@ class Reactions:
         How unsure the error taken off was is added to the estimate now, so what came meanwhile is left out.
         """
         self._widened += self._doubts(sensor)
-        self._next_correction(sensor, self.onset_ns(onset))
-        self._write_correction("from_ns", 0, sensor)
+        self.drop_correction(sensor, onset)
         if self.layout.sensors[sensor].role is Role.UPDATE:
             self._leave_out_until_now(sensor, self.onset_ns(onset))
         self.since(onset)
+
+    def drop_correction(self, sensor: int, onset: int) -> None:
+        """Take nothing off the readings of a sensor from an entry on."""
+        self._next_correction(sensor, self.onset_ns(onset))
+        self._write_correction("from_ns", 0, sensor)
 
     def _leave_out_until_now(self, sensor: int, from_ns: int) -> None:
         """Do without a sensor in the time since then alone."""

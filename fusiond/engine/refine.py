@@ -175,6 +175,24 @@ def goes_on(
     return any(not ended(one, stretches) for one in possible)
 
 
+def lead_of_another(
+    reactions: Reactions, hypotheses: Sequence[Hypothesis], noise_std: NDArray[np.float64], sensor: int
+) -> float:
+    """Log likelihood by which an error of another kind explains all evidence better than the one that is taken off.
+
+    Minus infinity where the kind is not kept open, or no other is possible.
+    """
+    if not is_watched(reactions, sensor):
+        return -np.inf
+    evidence, taken = _evidence(reactions, sensor).copy(), reactions.taken(sensor)
+    hear(evidence, reactions.engine.window, sensor, noise_std[sensor], reactions.now_ns)
+    known = reactions.reaction["kind"][sensor]
+    others = [one.score for one in accounts(evidence, hypotheses, sensor, taken) if one.kind != known]
+    ear = evidence[0]
+    so_far = float(taken @ ear["matched"] + 0.5 * taken @ ear["information"] @ taken)
+    return max(others, default=-np.inf) - so_far
+
+
 def _stretches(
     evidence: NDArray[Any], window: NDArray[Any], sensor: int, noise_std: NDArray[np.float64]
 ) -> list[NDArray[Any]]:

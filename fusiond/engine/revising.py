@@ -10,6 +10,7 @@ while, twice as long each time.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -71,11 +72,14 @@ def is_corrected(reactions: Reactions, sensor: int) -> bool:
     return bool(reaction["health"][sensor] == Health.FAULTY and reaction["kind"][sensor] in LASTING)
 
 
-def end_gone(reactions: Reactions, finding: Finding) -> bool:
+def end_gone(reactions: Reactions, finding: Finding, lead_of_another: Callable[[int], float]) -> bool:
     """Take no more off a sensor where its error having gone explains the innovations as well as anything; whether so.
 
     It is asked of every sensor that an error is taken off, whomever the finding names: where the error was not quite of
     the shape that was taken off, another sensor's fault may imitate its end.
+
+    Args:
+        lead_of_another: of a sensor, how much better another kind explains all than what is taken off.
     """
     fit = finding.fit
     if fit is None:
@@ -87,7 +91,7 @@ def end_gone(reactions: Reactions, finding: Finding) -> bool:
         if (ending := _ending(reactions, sensor, fit.ground.response))
     ]
     ending, sensor = max(endings, key=lambda one: one[0].score, default=(None, -1))
-    if ending is None or ending.score < max(best, FAMILY):
+    if ending is None or ending.score < max(best, FAMILY, lead_of_another(sensor)):
         return False
     reactions.end_correction(sensor, ending.onset)
     reactions.clear(sensor)
