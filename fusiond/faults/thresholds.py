@@ -45,7 +45,7 @@ class Promise:
 
 
 SHARP = (0.0, 0.0)
-ROBUST = (0.06, 0.002)
+ROBUST = (0.06, 0.001)
 """dead_band and studentise of the two profiles: the declared noise is right; or wrong by up to a third."""
 
 

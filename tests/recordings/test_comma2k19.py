@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fusiond.assembly.assembly import assemble
-from fusiond.types import Verdict
+from fusiond.types import Kind, Verdict
 from tools.pages.recorded import import_from, recorded
 from tools.pages.recording_strapdown_rows import (
     BIAS_REACH_RAD_S,
@@ -19,6 +19,7 @@ from tools.pages.recording_strapdown_rows import (
     rms_of,
     settled_s,
 )
+from tools.scoreboard.recordings import run, watched
 
 pytestmark = pytest.mark.recordings("comma2k19")
 RUNS = {}
@@ -60,6 +61,18 @@ def test_the_configured_delay_is_that_of_the_fixes(highway):
     assert rms_of(delayed(highway, 0.0)) > 2.0 * HIGHWAY_REACH_M
     assert rms_of(delayed(highway, 0.05)) > HIGHWAY_REACH_M
     assert rms_of(delayed(highway, 0.15)) > HIGHWAY_REACH_M
+
+
+def test_a_delay_that_is_not_configured_is_told(highway):
+    """GIVEN stamps 0.10 s late and no word of it, THEN the receiver's speed is called late, and nothing else is."""
+    told = run(watched("comma2k19", unsaid="delay_s"), highway.readings)
+    assert set(told.names()) == {("gnss_course", Kind.DELAY.label)}
+    assert told.sizes("gnss_course", Kind.DELAY)[-1] == pytest.approx(0.10, abs=0.02)
+
+
+def test_with_its_delay_configured_the_receiver_is_not_late(highway):
+    """GIVEN that delay, THEN nobody is called faulty in this minute."""
+    assert not run(watched("comma2k19"), highway.readings).names()
 
 
 @pytest.mark.parametrize("yaw_rad", [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])

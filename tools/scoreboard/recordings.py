@@ -1,6 +1,6 @@
 """Recordings nobody here made: who is called faulty where nothing was injected, and what is said of faults they hold.
 
-Each runs with its configuration as it is in configs/; where that has no section `[faults]`, with a robust one.
+Each runs with its configuration as it is in configs/; where that has no section `[faults]`, with one that says nothing.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ INJECTED = {"udacity_laser_radar": ("laser", "laser.bias=2@10+5", 10.0, 1.0)}
 """By recording: the sensor that lies, how, since when, and within how many seconds it is to be named."""
 SCALE_WITHIN = 0.005
 """How near the scale of the mower's ranges (docs/recordings.md) is to be told."""
-ROBUST = '\n[faults]\nprofile = "robust"\n'
+WATCHED = "\n[faults]\n"
 
 
 def data() -> Path:
@@ -61,6 +61,11 @@ class Told:
                 found[sensor.name, Kind(int(kind)).label] = float(t_s[first])
         return found
 
+    def said(self) -> str:
+        """The same as a text."""
+        each = [f"{who} {kind} at {t_s:.1f} s" for (who, kind), t_s in self.names().items()]
+        return ", ".join(each) or "nobody"
+
     def doubts(self) -> str:
         """Shares of the reports in which somebody is suspected or called faulty, and the model is blamed."""
         anybody, model = self.reports["health"].any(axis=1), self.reports["model"]
@@ -78,7 +83,7 @@ def watched(name: str, unsaid: str = "") -> Assembly:
     text = (CONFIGS / f"{name}.toml").read_text(encoding="utf-8")
     if unsaid:
         text = "\n".join(line for line in text.split("\n") if not line.startswith(unsaid))
-    return assemble(config.parse(text if "\n[faults]" in text else text + ROBUST, name), CONFIGS)
+    return assemble(config.parse(text if "\n[faults]" in text else text + WATCHED, name), CONFIGS)
 
 
 def readings(log: Path, assembly: Assembly, until_s: float = np.inf) -> Records:
@@ -97,8 +102,7 @@ def run(assembly: Assembly, given: Records, *faults: str) -> Told:
 def nobody(identity: str, what: str, told: Told) -> Row:
     """The row of a run in which nobody is to be called faulty."""
     named = told.names()
-    said = ", ".join(f"{sensor} {kind} at {t_s:.1f} s" for (sensor, kind), t_s in named.items()) or "nobody"
-    text = f"sensors called faulty, {what}, nothing injected: {said}; {told.doubts()}"
+    text = f"sensors called faulty, {what}, nothing injected: {told.said()}; {told.doubts()}"
     return Row(f"10.clean.{identity}", text, len(named), "names", "", None, "0", not named)
 
 
@@ -131,22 +135,19 @@ def late_row(folder: Path, into: Path) -> Row:
     name = "comma2k19"
     assembly = watched(name, "delay_s")
     told = run(assembly, readings(import_from(folder / name, name, into), assembly))
-    named = sorted(told.names())
     sizes = np.concatenate([told.sizes(who, Kind.DELAY) for who in ("gnss_position", "gnss_course")])
     size = float(sizes[-1]) if len(sizes) else 0.0
-    text = (
-        f"{name} with its fixes' delay not configured: named {named or 'nobody'}; {told.doubts()}; delay told"
-    )
+    text = f"{name} with its fixes' delay not configured: named {told.said()}; {told.doubts()}; delay told"
     return Row("10.late", text, size, "s", "", None, "0.10 +- 0.02", abs(size - 0.10) <= 0.02)
 
 
 def found_row(name: str, assembly: Assembly, given: Records) -> Row:
     """The row of a run in which one sensor is to be called faulty, and nobody else."""
     sensor, fault, since_s, within_s = INJECTED[name]
-    named = run(assembly, given, fault).names()
+    told = run(assembly, given, fault)
+    named = told.names()
     took_s = named.get((sensor, Kind.BIAS.label), np.inf) - since_s
-    said = ", ".join(f"{who} {kind} at {t_s:.1f} s" for (who, kind), t_s in named.items()) or "nobody"
-    text = f"{name} with {fault}: named {said}; time to the name of {sensor}, a bias, and no other"
+    text = f"{name} with {fault}: named {told.said()}; time to the name of {sensor}, a bias, and no other"
     ok = len(named) == 1 and 0.0 <= took_s <= within_s
     return Row(f"10.injected.{name}", text, took_s, "s", "", None, f"<= {within_s:g}, no other", ok)
 

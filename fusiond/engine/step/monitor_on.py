@@ -46,6 +46,9 @@ FARTHEST = 1e7
 """Deviations up to which an innovation is kept as evidence; sums with the squares of larger ones lose all others."""
 STRANGEST = 1e3
 """Deviations by which one value of an input at most pulls at what is usual of it."""
+CAUTIOUS = 0.49
+"""Least slow variance: who declares more noise than the profile covers (30 %) means it, as errors that readings share
+cannot be declared otherwise. Isolation weighs with the declared noise: an alarm below it would come to nothing."""
 LARGEST_SLOW = 3.0
 """An innovation this many deviations large, or larger, counts as this in the slow variance."""
 
@@ -111,7 +114,8 @@ def scale_innovations(track: Any, design: Any, work: Any, sensor: int, dof: int)
         work.tested[i] = work.e[i] * scale
         mean_square += min(work.tested[i] * work.tested[i], LARGEST_SLOW * LARGEST_SLOW) / dof
     if share > 0.0:
-        track.monitor.slow[sensor] += share * variance * (mean_square - 1.0)
+        slow = variance + share * variance * (mean_square - 1.0)
+        track.monitor.slow[sensor] = max(slow, CAUTIOUS) - 1.0
 
 
 @kernel
