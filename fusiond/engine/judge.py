@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import Reactions
 from fusiond.engine.refine import goes_on, is_watched, lead_of_another, refine, refine_one, watch
-from fusiond.engine.revising import end_gone, is_corrected, take_off
+from fusiond.engine.revising import absolve, end_gone, is_corrected, take_off
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -289,6 +289,7 @@ class Judge:
                     reactions.drop_correction(sensor, fit.onset)
                 found = reactions.name(sensor, fit, kind, Health.EXCLUDED)
                 self._send_out(reactions, sensor, fit)
+                absolve(reactions, fit.place)
                 watch(reactions, sensor, fit.place, found.onset_std_s)
             else:
                 kept.append(sensor)
