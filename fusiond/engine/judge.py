@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import Reactions
 from fusiond.engine.refine import goes_on, is_watched, lead_of_another, refine, refine_one, watch
-from fusiond.engine.revising import absolve, end_gone, is_corrected, take_off
+from fusiond.engine.revising import end_gone, is_corrected, take_off
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -289,7 +289,6 @@ class Judge:
                     reactions.drop_correction(sensor, fit.onset)
                 found = reactions.name(sensor, fit, kind, Health.EXCLUDED)
                 self._send_out(reactions, sensor, fit)
-                absolve(reactions, fit.place)
                 watch(reactions, sensor, fit.place, found.onset_std_s)
             else:
                 kept.append(sensor)
@@ -369,6 +368,8 @@ class Judge:
         Where the sensor's noise is estimated that is done already, and the monitors alone are told.
         """
         for sensor in fit.place:
+            if is_corrected(reactions, sensor):
+                reactions.end_correction(sensor, fit.onset)
             variance = float(fit.size[0]) ** 2 * reactions.noise_ratio(sensor)
             estimated = reactions.engine.adapts(sensor)
             if estimated:
@@ -398,6 +399,8 @@ class Judge:
             return
         onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
         reactions.close()
+        if is_corrected(reactions, sensor):
+            reactions.drop_correction(sensor, onset)
         reactions.name_unusable(sensor, kind, onset)
         reactions.exclude(sensor, onset, spared=self._spared(reactions, (sensor,)))
         reactions.expect(sensor, kind, {})

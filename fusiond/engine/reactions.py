@@ -127,7 +127,14 @@ class Reactions:
             self.clear(int(sensor))
 
     def clear(self, sensor: int) -> None:
-        """The sensor is healthy."""
+        """The sensor is healthy: nothing is taken off it any more, and what was may have moved the estimate as far."""
+        reaction = self.reaction
+        if reaction["from_ns"][sensor, 1] and not reaction["to_ns"][sensor, 1]:
+            own = np.flatnonzero(self.window["sensor"] == sensor)[-1:]
+            left = once_gone(self.window[own], reaction, sensor)
+            self.drop_correction(sensor, len(self.window))
+            for channel in np.unique(np.nonzero(left)[1]):
+                self._widen(sensor, int(channel), float(abs(left[0, channel])))
         for field in ("health", "kind", "size", "size_std", "suspects", "noise_excess"):
             self.write(field, 0, sensor)
 

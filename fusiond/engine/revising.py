@@ -14,12 +14,9 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from fusiond.engine.correction import LASTING, Attempt, once_gone
 from fusiond.faults.ending import Ending, find_ending
 from fusiond.faults.glr import Fit
-from fusiond.faults.hypotheses import Place
 from fusiond.faults.isolation import Finding, Outcome
 from fusiond.faults.kinds import FAMILY
 from fusiond.faults.response import Response
@@ -111,20 +108,6 @@ def _ending(reactions: Reactions, sensor: int, response: Response) -> Ending | N
         drives = tuple(names.index(channel.name) for channel in of.channels)
     left = once_gone(reactions.window, reactions.reaction, sensor, drives)
     return find_ending(response, sensor, drives, left, max(reactions.unsure(sensor), SHAPELY))
-
-
-def absolve(reactions: Reactions, guilty: Place) -> None:
-    """Believe those again whose error was found in the window from which another sensor has just been excluded.
-
-    They were blamed by an estimate that the guilty had spoilt. Whoever errs all the same is found once more.
-    """
-    began = int(reactions.window["t_ns"][0])
-    for sensor in corrected(reactions):
-        from_ns = int(reactions.reaction["from_ns"][sensor, 1])
-        if sensor not in guilty and from_ns >= began:
-            onset = int(np.searchsorted(reactions.window["t_ns"], from_ns))
-            reactions.stop_correcting(sensor, onset)
-            reactions.clear(sensor)
 
 
 def _first(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> Taken:
