@@ -21,5 +21,6 @@ from fusiond.config.whole import RESERVED, Config
 
 __all__ = [
     "RESERVED", "AdaptationSection", "Config", "ControlSection", "FaultsSection", "FilterSection", "FusionSection",
-    "FuzzySection", "InputSection", "SensorSection", "ServiceSection", "nearest", "parameters", "parse", "read", "schema",
+    "FuzzySection", "InputSection", "SensorSection", "ServiceSection", "nearest", "parameters", "parse",
+    "read", "schema",
 ]  # fmt: skip

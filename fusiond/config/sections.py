@@ -48,7 +48,8 @@ class SensorSection(Section):
     """Sensors of one group may share one fault: one scale on all ranges, one delay of all that comes by radio."""
     policy: Literal["auto", "exclude", "compensate"] = "auto"
     """What is done with it when it is faulty: not used (exclude), or used with its error taken off (compensate);
-    auto: excluded where the other sensors still see every state, else compensated."""
+    auto: excluded where the other sensors still see every state, else compensated. Who errs on though an error is taken
+    off is excluded where that can be done."""
     repeats: Literal["fresh", "held"] = "fresh"
     """Whether an equal value at a new time is fresh evidence, or a driver that repeats its last fix."""
     adapt_noise: bool = True

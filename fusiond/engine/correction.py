@@ -14,7 +14,7 @@ readings are replayed with it, and where there are not fewer it is withdrawn: wh
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from fusiond.faults.glr import Fit
 from fusiond.faults.hearing import KINDS
 from fusiond.faults.window import believed
-from fusiond.types import Kind
+from fusiond.types import Kind, Role
 
 if TYPE_CHECKING:
     from fusiond.engine.engine import Engine
@@ -45,6 +45,29 @@ def put_on(taken: dict[str, Any], kind: Kind, channel: int, size: float) -> None
     gain = 1.0 + float(taken["gain_error"][channel])
     share = gain if kind in (Kind.BIAS, Kind.DRIFT, Kind.SCALE) else 1.0
     taken[CORRECTIONS[kind]][channel] += share * size
+
+
+def once_gone(
+    window: NDArray[Any], reaction: Any, sensor: int, drives: Sequence[int] = ()
+) -> NDArray[np.float64]:
+    """(W, m) error of a sensor's corrected readings, raw channels, in each entry if what is taken off had gone by then.
+
+    Args:
+        reaction: one record.   drives: process input of each channel, of a sensor that drives: then (W, k) of inputs.
+    """
+    since_s = ((window["t_ns"] - reaction["from_ns"][sensor, 1]) * 1e-9)[:, None]
+    offset, drift, gain_error, lag = (reaction[field][sensor, 1] for field in CORRECTIONS.values())
+    m = window["h"].shape[1]
+    h, hdot = (np.zeros((len(window), len(offset))) for _ in range(2))
+    if not len(drives):
+        h[:, :m], hdot[:, :m] = window["h"], window["hdot"]
+    left = (h - offset - drift * since_s) / (1.0 + gain_error) - h + hdot * lag
+    left = np.where(since_s >= 0.0, left, 0.0)
+    if not len(drives):
+        return np.asarray(left[:, :m])
+    of_inputs = np.zeros((len(window), window["B"].shape[2]))
+    of_inputs[:, list(drives)] = left[:, : len(drives)]
+    return of_inputs
 
 
 def add_correction(reactions: Reactions, sensor: int, fit: Fit, kind: Kind) -> None:
@@ -108,13 +131,47 @@ def replace_correction(reactions: Reactions, sensor: int, kind: Kind, sizes: Map
     reactions.replay_from(int(reactions.reaction["from_ns"][sensor, 1]))
 
 
-def end_correction(reactions: Reactions, sensor: int, fit: Fit) -> None:
-    """Believe the readings as they are from the fit's onset on."""
-    _next_correction(reactions, sensor, reactions.onset_ns(fit.onset))
+def lift_correction(reactions: Reactions, sensor: int, onset: int) -> None:
+    """Take nothing off the readings of a sensor from an entry on."""
+    _next_correction(reactions, sensor, reactions.onset_ns(onset))
     _write_correction(reactions, "from_ns", 0, sensor)
-    channel = max(0, int(reactions.reaction["channel"][sensor]))
-    reactions.widen_by(sensor, channel, float(reactions.reaction["size_std"][sensor]))
-    reactions.since(fit.onset)
+
+
+def end_correction(reactions: Reactions, sensor: int, onset: int) -> None:
+    """Believe the readings as they are from now on: those since the entry are held against an estimate too sure.
+
+    How unsure the error taken off was is added to the estimate now, so what came meanwhile is left out.
+    """
+    for channel, std in _doubts(reactions, sensor):
+        reactions.widen_by(sensor, channel, std)
+    lift_correction(reactions, sensor, onset)
+    if reactions.layout.sensors[sensor].role is Role.UPDATE:
+        reactions.leave_out_until_now(sensor, reactions.onset_ns(onset))
+    reactions.since(onset)
+
+
+def unsure(reactions: Reactions, sensor: int) -> float:
+    """Deviation of the error taken off a sensor, as a share of it."""
+    reaction = reactions.reaction
+    usual = 1.0 if reaction["kind"][sensor] == Kind.SCALE else 0.0
+    size = abs(float(reaction["size"][sensor]) - usual)
+    return min(float(reaction["size_std"][sensor]) / size, 1.0) if size > 0.0 else 1.0
+
+
+def _doubts(reactions: Reactions, sensor: int) -> list[tuple[int, float]]:
+    """Of each channel that an error is taken off, how unsure that is by now: as a share, and by its noise."""
+    own = np.flatnonzero(reactions.window["sensor"] == sensor)
+    if not len(own):
+        return []
+    left = np.abs(once_gone(reactions.window[own[-1:]], reactions.reaction, sensor)[0])
+    main = max(0, int(reactions.reaction["channel"][sensor]))
+    noise = reactions.noise_std[sensor]
+    by_noise = left[main] * noise / noise[main] if noise[main] > 0.0 else 0.0 * noise
+    share = unsure(reactions, sensor)
+    return [
+        (int(channel), share * float(max(left[channel], by_noise[channel])))
+        for channel in np.flatnonzero(left)
+    ]
 
 
 def drop_correction(reactions: Reactions, sensor: int, onset: int) -> None:

@@ -33,11 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.engine.bad_samples import is_bad_sample, is_one_reading, until_next
+from fusiond.engine.correction import end_correction, lift_correction
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import Reactions
-from fusiond.engine.refine import is_watched, refine_one, watch
+from fusiond.engine.refine import is_watched, lead_of_another, refine_one, watch
 from fusiond.engine.returning import QUIET, heal, retry, schedule, watch_noise
-from fusiond.engine.revising import is_corrected, take_off
+from fusiond.engine.revising import end_gone, is_corrected, take_off
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -157,7 +158,7 @@ class Judge:
             reactions.freeze(finding.sensors)
         if is_one_reading(reactions, finding.fit) and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + (self._step if age > 0 else until_next(reactions, finding.fit))
-        elif is_bad_sample(reactions, finding.fit):
+        elif is_bad_sample(reactions, finding.fit) or self._end_gone(reactions, finding):
             reactions.close()
         elif undecided and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + max(self._step, int(PATIENCE * age))
@@ -212,12 +213,19 @@ class Judge:
         return isolate(seen, asked, restless=noisy, twins=Twins(self.twins, covered))
 
     def _excludable(self, reactions: Reactions, sensor: int, together: tuple[int, ...]) -> bool:
-        """Whether the sensor, with all that are out or go out with it, can be done without."""
-        if self.policy[sensor] == "compensate":
+        """Whether the sensor, with all that are out or go out with it, can be done without.
+
+        To take its error off instead was asked for an error that is known. Who errs on all the same is done without.
+        """
+        if self.policy[sensor] == "compensate" and not is_corrected(reactions, sensor):
             return False
         if self.layout.sensors[sensor].role is Role.INPUT:
             return self.replaceable[sensor]
-        gone = {*reactions.out(), *together}
+        return self._spared(reactions, together)
+
+    def _spared(self, reactions: Reactions, sensors: tuple[int, ...]) -> bool:
+        """Whether every state is still seen without these and all that are out."""
+        gone = {*reactions.out(), *sensors}
         return self.enough(frozenset(s for s in gone if self.layout.sensors[s].role is Role.UPDATE))
 
     def _react(self, reactions: Reactions, finding: Finding) -> None:
@@ -232,10 +240,13 @@ class Judge:
             return
         kept = []
         for sensor in fit.place:
-            if is_corrected(reactions, sensor):
+            spared = self._excludable(reactions, sensor, fit.place)
+            if is_corrected(reactions, sensor) and not spared:
                 if not (is_watched(reactions, sensor) and refine_one(reactions, sensor, self.hypotheses)):
                     kept.append(sensor)
-            elif self._excludable(reactions, sensor, fit.place):
+            elif spared:
+                if is_corrected(reactions, sensor):
+                    lift_correction(reactions, sensor, fit.onset)
                 found = self._exclude(reactions, sensor, fit, kind)
                 watch(reactions, sensor, fit.place, found.onset_std_s)
             else:
@@ -259,6 +270,10 @@ class Judge:
         wait = max(LEAST * self._step, int(PATIENCE * (entries - int(desk["case_at"]))))
         desk["review_at"] = entries + min(wait, self.layout.shape.window)
 
+    def _end_gone(self, reactions: Reactions, finding: Finding) -> bool:
+        """Whether an error that is taken off has gone, which explains it all; an error of another kind has not."""
+        return end_gone(reactions, finding, partial(lead_of_another, reactions, self.hypotheses))
+
     def _burst(self, reactions: Reactions, fit: Fit) -> None:
         """A spike of a sensor has been gated; one of an input is taken out, and a long one tells of its sensor."""
         if not fit.ground.is_input:
@@ -281,14 +296,14 @@ class Judge:
 
     def _send_out(
         self, reactions: Reactions, sensor: int, kind: Kind, onset: int, sizes: Mapping[int, float], *,
-        exactly: bool = False,
+        spared: bool = True,
     ) -> None:  # fmt: skip
-        """Exclude a sensor whose fault began with an entry of the window, for all one knows or exactly.
+        """Exclude a sensor whose fault began with an entry of the window.
 
         Args:
-            sizes: of its error, by raw channel.
+            sizes: of its error, by raw channel.   spared: see `Reactions.exclude`.
         """
-        reactions.exclude(sensor, onset, exactly=exactly)
+        reactions.exclude(sensor, onset, spared=spared)
         reactions.expect(sensor, kind, sizes)
         if self.layout.sensors[sensor].role is Role.INPUT:
             schedule(reactions, sensor)
@@ -299,6 +314,8 @@ class Judge:
         Where the sensor's noise is estimated that is done already, and the monitors alone are told.
         """
         for sensor in fit.place:
+            if is_corrected(reactions, sensor):
+                end_correction(reactions, sensor, fit.onset)
             variance = float(fit.size[0]) ** 2 * reactions.noise_ratio(sensor)
             estimated = reactions.engine.adapts(sensor)
             if estimated:
@@ -318,15 +335,14 @@ class Judge:
         reactions.replay()
 
     def _unusable(self, reactions: Reactions, sensor: int, kind: Kind) -> None:
-        """Its readings are frozen, or cannot be used at all.
-
-        Where it cannot be done without, a filter that never heard it knows too little to take over.
-        """
+        """Its readings are frozen, or cannot be used at all."""
         if sensor in reactions.out():
             return
         onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
         reactions.close()
+        if is_corrected(reactions, sensor):
+            lift_correction(reactions, sensor, onset)
         reactions.name_unusable(sensor, kind, onset)
-        exactly = onset > 0 and not self._excludable(reactions, sensor, (sensor,))
-        self._send_out(reactions, sensor, kind, onset, {}, exactly=exactly)
+        spared = onset == 0 or self._spared(reactions, (sensor,))
+        self._send_out(reactions, sensor, kind, onset, {}, spared=spared)
         reactions.replay()

@@ -2,8 +2,8 @@
 
 Exclusion. Where a leave-one-out filter exists that is not itself astray, it takes the place of all filters that heard
 the sensor, in every snapshot, and the last readings are replayed without it, so that new leave-one-out filters have
-settled and a second fault that began meanwhile is not in them. Without one, or where the onset is known exactly, the
-readings since the onset are replayed without the sensor.
+settled and a second fault that began meanwhile is not in them. Without one, or where it knows too little as the sensor
+cannot be spared, the readings since the onset are replayed without the sensor.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond.engine.correction import LASTING
+from fusiond.engine.correction import LASTING, lift_correction, once_gone
 from fusiond.faults.course import Suspect
 from fusiond.faults.forecast import worst_error
 from fusiond.faults.glr import Fit
@@ -147,7 +147,14 @@ class Reactions:
             self.clear(int(sensor))
 
     def clear(self, sensor: int) -> None:
-        """The sensor is healthy."""
+        """The sensor is healthy: nothing is taken off it any more, and what was may have moved the estimate as far."""
+        reaction = self.reaction
+        if reaction["from_ns"][sensor, 1] and not reaction["to_ns"][sensor, 1]:
+            own = np.flatnonzero(self.window["sensor"] == sensor)[-1:]
+            left = once_gone(self.window[own], reaction, sensor)
+            lift_correction(self, sensor, len(self.window))
+            for channel in np.unique(np.nonzero(left)[1]):
+                self._widen(sensor, int(channel), float(abs(left[0, channel])))
         for field in ("health", "kind", "size", "size_std", "suspects", "noise_excess"):
             self.write(field, 0, sensor)
 
@@ -252,14 +259,18 @@ class Reactions:
         ]
         return float(min(max(shares, default=0.0) ** 2, 1e6))
 
-    def exclude(self, sensor: int, onset: int, *, exactly: bool = False) -> None:
-        """Stop using the sensor. Where its fault began exactly at the onset, nothing before spoilt a filter."""
+    def exclude(self, sensor: int, onset: int, *, spared: bool = True) -> None:
+        """Stop using the sensor.
+
+        Args:
+            spared: whether the others see every state; else one that never had it knows less than was known before.
+        """
         rows, name = self.layout.filters, self.layout.sensors[sensor].name
         refused = self.engine.track[0]["monitor"]["refused"].max(axis=1)
         clean = [
             k
             for k, row in enumerate(rows)
-            if row.hears == "without" and row.sensor == name and refused[k] < ASTRAY and not exactly
+            if spared and row.hears == "without" and row.sensor == name and refused[k] < ASTRAY
         ]
         others = [k for k, row in enumerate(rows) if row.hears != "only" and k not in clean]
         self.write("excluded", 1, sensor)
@@ -284,6 +295,11 @@ class Reactions:
         self.write("out_from_ns", self._spoilt_from_ns(sensor, onset), sensor)
         self.write("until_ns", self.onset_ns(last) + 1, sensor)
         self.since(max(0, onset - 1))
+
+    def leave_out_until_now(self, sensor: int, from_ns: int) -> None:
+        """Do without a sensor in the time since then alone."""
+        for field, value in (("excluded", 1), ("out_from_ns", from_ns), ("until_ns", self.now_ns + 1)):
+            self.write(field, value, sensor)
 
     def expect(self, sensor: int, kind: Kind, sizes: Mapping[int, float]) -> None:
         """What would still be a fault when the sensor asks to return: half a bias, scale or delay, by raw channel.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusiond.engine.correction import LASTING, replace_correction, taken_off
+from fusiond.engine.correction import LASTING, Attempt, replace_correction, taken_off
 from fusiond.engine.reactions import Reactions
 from fusiond.faults.hearing import begin, hear
 from fusiond.faults.hypotheses import Hypothesis, Place
@@ -36,6 +36,8 @@ POSSIBLE = 2.0 * FAMILY
 """A kind that explains the evidence less well by this, in log likelihood, is none that the fault may have."""
 SURE = 2.0
 """Standard deviations of its onset after which a fault has surely begun."""
+SAID = ("kind", "channel", "size", "size_std")
+"""Fields that tell a fault's kind and size."""
 WATCHED = (Health.EXCLUDED, Health.PROBATION, Health.FAULTY)
 
 
@@ -105,10 +107,8 @@ def refine_one(reactions: Reactions, sensor: int, hypotheses: Sequence[Hypothesi
     another = one.kind is not known
     if taken is not None:
         # its predictions hold what it said before: a scale or delay that outdid a bias in the window is left as it is
-        another = another and known in (Kind.BIAS, Kind.DRIFT)
+        another = another and known in (Kind.BIAS, Kind.DRIFT) and _take_off_instead(reactions, sensor, one)
         if another:
-            _say(reactions, sensor, one)
-            replace_correction(reactions, sensor, one.kind, sizes_of(one))
             evidence["matched"] += evidence[0]["information"] @ (taken - taken_off(reactions, sensor))
     elif (health == Health.EXCLUDED or another) and not ended(
         one, _stretches(evidence, window, sensor, reactions.noise_std[sensor])
@@ -118,6 +118,21 @@ def refine_one(reactions: Reactions, sensor: int, hypotheses: Sequence[Hypothesi
         _say(reactions, sensor, one)
         reactions.expect(sensor, one.kind, sizes_of(one))
     return another
+
+
+def _take_off_instead(reactions: Reactions, sensor: int, one: Account) -> bool:
+    """Take another error off a sensor in use, on trial; whether that made the innovations smaller, or was undone."""
+    attempt = Attempt(reactions.engine, (sensor,), int(reactions.reaction["from_ns"][sensor, 1]))
+    said = {field: reactions.reaction[field][sensor].copy() for field in SAID}
+    _say(reactions, sensor, one)
+    replace_correction(reactions, sensor, one.kind, sizes_of(one))
+    reactions.replay()
+    if attempt.helped:
+        return True
+    for field, value in said.items():
+        reactions.write(field, value, sensor)
+    attempt.withdraw()
+    return False
 
 
 def _wait_ns(engine: Engine, sensors: list[int]) -> int:
@@ -156,6 +171,22 @@ def goes_on(reactions: Reactions, sensor: int, hypotheses: Sequence[Hypothesis])
     possible = best_of_kinds([one for one in accounts(evidence, hypotheses, sensor) if one.score > least])
     stretches = _stretches(evidence, window, sensor, reactions.noise_std[sensor])
     return any(not ended(one, stretches) for one in possible)
+
+
+def lead_of_another(reactions: Reactions, hypotheses: Sequence[Hypothesis], sensor: int) -> float:
+    """Log likelihood by which an error of another kind explains all evidence better than the one that is taken off.
+
+    Minus infinity where the kind is not kept open, or no other is possible.
+    """
+    if not is_watched(reactions, sensor):
+        return -np.inf
+    evidence, taken = _evidence(reactions, sensor).copy(), taken_off(reactions, sensor)
+    hear(evidence, reactions.engine.window, sensor, reactions.noise_std[sensor], reactions.now_ns)
+    known = reactions.reaction["kind"][sensor]
+    others = [one.score for one in accounts(evidence, hypotheses, sensor, taken) if one.kind != known]
+    ear = evidence[0]
+    so_far = float(taken @ ear["matched"] + 0.5 * taken @ ear["information"] @ taken)
+    return max(others, default=-np.inf) - so_far
 
 
 def _stretches(

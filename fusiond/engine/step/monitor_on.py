@@ -8,7 +8,7 @@ import numpy as np
 
 from fusiond.faults.window import LOOKED, ODD
 from fusiond.numerics.kernel import kernel
-from fusiond.types import Alarm, Role
+from fusiond.types import Alarm, Kind, Role
 
 from .decided import corrected, is_excluded, undelay
 from .inject import between
@@ -24,6 +24,7 @@ __all__ = [
 
 INPUT = int(Role.INPUT)
 GARBAGE, HEALED = int(Alarm.GARBAGE), int(Alarm.HEALED)
+STUCK, UNUSABLE = int(Kind.STUCK), int(Kind.GARBAGE)
 REVIEW, RETRY = int(Alarm.REVIEW), int(Alarm.RETRY)
 FEW, DECAY = 1.5, 0.9
 """Unusable readings are counted with this decay per sound one; beyond FEW (two in a row) they are a fault."""
@@ -150,7 +151,9 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
     """Weigh an excluded sensor's reading: sound, against its old bias of either sign and against four-fold noise.
 
     Without its only sensor an estimate soon is too unsure to contradict anything, and its error is one draw for all
-    readings. Then it is enough that the sensor lives, or it would be locked out for ever.
+    readings. Then it is enough that the sensor lives, or it would be locked out for ever. What was frozen or no number
+    has shown no error of its own: of such a sensor that is so as soon as no number of readings could tell the error
+    sought from the estimate's.
     """
     monitor, reaction, sensor = track.monitor, track.reaction, reading.sensor
     dof = design.dof[sensor]
@@ -160,7 +163,8 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
     write_entry(track, work, reading, dof, LOOKED)
     move_signatures(track, design, work)
     begin_interval(track)
-    square = strongest = loudest = 0.0
+    square = strongest = loudest = knowable = 0.0
+    unusable = reaction.kind[sensor] == STUCK or reaction.kind[sensor] == UNUSABLE
     for i in range(dof):
         e = work.e[i]
         square += e * e
@@ -170,10 +174,13 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
         b = max(-LARGEST_SLOW, min(b, LARGEST_SLOW))
         strongest = max(strongest, abs(b))
         loudest = max(loudest, error * error / design.R[sensor, i] if design.R[sensor, i] > 0.0 else 1.0)
+        unsure = work.root[i] * work.root[i] - design.R[sensor, i]
+        knowable = max(knowable, 0.5 * error * error / unsure if unsure > 0.0 else PATIENT)
         for k in range(2):
             sign = 1.0 if k == 0 else -1.0
             monitor.shadow[sensor, k] = max(0.0, monitor.shadow[sensor, k] - sign * b * e + 0.5 * b * b)
-    if strongest < DIM and loudest >= 1.0 and square < LARGEST_SLOW * LARGEST_SLOW * dof:
+    dim = strongest < DIM or (unusable and knowable < PATIENT)
+    if dim and loudest >= 1.0 and square < LARGEST_SLOW * LARGEST_SLOW * dof:
         for k in range(3):
             monitor.shadow[sensor, k] += PATIENT / LIVELY
     else:

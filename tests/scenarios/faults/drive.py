@@ -211,6 +211,13 @@ def _held_position() -> dict[str, Any]:
     return table
 
 
+def _compensated_position() -> dict[str, Any]:
+    """Three sensors of one position, of which the first is to be used with its error taken off."""
+    table = _positions(3)
+    table["sensor"]["y1"]["policy"] = "compensate"
+    return table
+
+
 def _drive_in_the_plane() -> dict[str, Any]:
     """GPS, wheel speed and gyro of the planar vehicle."""
     table = _table("planar")
@@ -242,6 +249,7 @@ PLANS: Mapping[str, Plan] = {
     "two_positions": Plan(lambda: _positions(2), "constant_velocity", (("R", (0.01, 0.01)),)),
     "three_positions": Plan(lambda: _positions(3), "constant_velocity", (("R", (0.01, 0.01, 0.01)),)),
     "held_position": Plan(_held_position, "constant_velocity", (("R", (0.01, 0.01, 0.01)),)),
+    "compensated_position": Plan(_compensated_position, "constant_velocity", (("R", (0.01, 0.01, 0.01)),)),
     "plane": Plan(_drive_in_the_plane, "planar", (("aboard", ("gps", "wheel_speed", "gyro")),)),
     "smooth_plane": Plan(
         _smooth_drive, "planar", (("aboard", ("gps", "wheel_speed", "gyro")), ("motion", "smooth"))
