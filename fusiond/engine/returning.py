@@ -81,8 +81,9 @@ def _ask_whether_noise_is_over(reactions: Reactions, sensor: int) -> None:
 
 def _try_input(reactions: Reactions, sensor: int) -> None:
     """Use an excluded input that has waited, on probation; believe one that has waited on probation."""
-    if _waited_ns(reactions, sensor) < _retry_ns(reactions, sensor):
-        schedule(reactions, sensor)
+    left_ns = _retry_ns(reactions, sensor) - _waited_ns(reactions, sensor)
+    if left_ns > 0:  # another sensor's turn
+        _look_again(reactions, left_ns)
     elif reactions.reaction["health"][sensor] == Health.PROBATION:
         reactions.clear(sensor)
     else:
