@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusiond.engine.bad_samples import is_bad_sample, is_one_reading, until_next
-from fusiond.engine.correction import end_correction, lift_correction
+from fusiond.engine.correction import LASTING, end_correction, lift_correction
 from fusiond.engine.layout import Layout
 from fusiond.engine.reactions import Reactions
 from fusiond.engine.refine import is_watched, lead_of_another, refine_one, watch
@@ -335,10 +335,13 @@ class Judge:
         reactions.replay()
 
     def _unusable(self, reactions: Reactions, sensor: int, kind: Kind) -> None:
-        """Its readings are frozen, or cannot be used at all."""
-        if sensor in reactions.out():
-            return
+        """Its readings are frozen, or cannot be used at all; of one that is out it is known by then why it erred."""
         onset = reactions.run_began(sensor) if kind is Kind.STUCK else len(reactions.window)
+        if sensor in reactions.out():
+            if kind is Kind.STUCK and reactions.reaction["kind"][sensor] in LASTING:
+                reactions.name_unusable(sensor, kind, onset)
+                reactions.expect(sensor, kind, {})
+            return
         reactions.close()
         if is_corrected(reactions, sensor):
             lift_correction(reactions, sensor, onset)

@@ -27,7 +27,8 @@ def monitor_dtype(
     llr: its log likelihood ratio;   count: readings of its sensor since then.
     variance, white: (s, 2) tests up and down of each sensor;   pooled: (2,) of all together.
     last_e: whitened innovations of the sensor's last reading.   slow: its slow innovation variance less one.
-    raw_z: last values sent;   pairs, equal: readings that could and that did repeat them, the current run left out;
+    raw_z: last values sent;   repeats: whether the last reading was sent with the same ones;   rests: and with zeros
+    alone;   pairs, equal: readings that could and that did repeat them, the current run left out;
     run: equal values in a row;   run_h: what was predicted when the run began.
     held: how often a value held between fixes was repeated;   held_longest: the most of that so far.
     usual: slow mean of an input, what it is taken to be without its sensor;   usual_var: slow variance about it;
@@ -43,7 +44,8 @@ def monitor_dtype(
         ("rate", "<f8", (n,)),
         ("phi", "<f8", (n, c)), ("llr", "<f8", (c,)), ("count", "<i8", (c,)),
         ("variance", "<f8", (s, 2)), ("pooled", "<f8", (2,)), ("white", "<f8", (s, 2)), ("last_e", "<f8", (s, m)),
-        ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
+        ("slow", "<f8", (s,)), ("raw_z", "<f8", (s, m)), ("repeats", "<i8", (s,)), ("rests", "<i8", (s,)),
+        ("pairs", "<i8", (s,)), ("equal", "<i8", (s,)),
         ("usual", "<f8", (s, m)), ("usual_var", "<f8", (s, m)),
         ("odd", "<f8", (inputs,)), ("odd_count", "<i8", (inputs,)), ("away", "<f8", (inputs,)),
         ("away_count", "<i8", (inputs,)), ("run", "<i8", (s,)),

@@ -11,7 +11,7 @@ from fusiond.types import Hold, Role, Verdict
 
 from .adapt import begin_noise
 from .feed import stand_in
-from .monitor import corrected, fall_back, is_excluded, note_held, note_input
+from .monitor import corrected, fall_back, is_excluded, note_held, note_input, note_value
 from .pending import nothing_pending
 from .predict import follow
 from .silence import note_gap
@@ -114,6 +114,7 @@ def apply(track: Any, design: Any, work: Any, reading: Any, report: Any) -> None
         note_held(track, design, work, reading)
         return
     report.verdict = USED
+    note_value(track, design, reading)
     given = corrected(track, design, reading, work.spare)
     fall_back(track, design, given.t_ns)
     if design.role[sensor] == INPUT:

@@ -57,6 +57,11 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
 
 
 @kernel
+def note_value(track: Any, design: Any, reading: Any) -> None:
+    """A reading that is not held came as this."""
+
+
+@kernel
 def corrected(track: Any, design: Any, reading: Any, spare: Any) -> Any:
     """The reading with the known error of its sensor taken off."""
     return reading

@@ -15,11 +15,21 @@ from .inject import between
 from .signatures import bank, carry, forget_interval, move_signatures
 from .silence import is_silent
 from .sizes import ERRORS, INPUTS, SENSORS, STATES, WINDOW
-from .spread_tests import FROZEN, ask, clear_tests, moved, test_frozen, test_scatter, variance_gain
+from .spread_tests import (
+    FROZEN,
+    ask,
+    clear_tests,
+    moved,
+    note_value,
+    test_frozen,
+    test_scatter,
+    variance_gain,
+)
 
 __all__ = [
     "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
-    "is_excluded", "note_gate", "note_held", "note_input", "note_unusable", "undelay",
+    "is_excluded", "note_gate", "note_held", "note_input", "note_unusable", "note_value",
+    "undelay",
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
@@ -132,7 +142,7 @@ def after_update(track: Any, design: Any, work: Any, reading: Any, used: bool) -
     write_entry(track, work, reading, dof, 1 if used else 0)
     bank(track, design, work, sensor, dof)
     test_scatter(track, design, work, sensor, dof)
-    test_frozen(track, design, work, reading)
+    test_frozen(track, design, work, sensor)
     begin_interval(track)
 
 
@@ -186,7 +196,7 @@ def after_look(track: Any, design: Any, work: Any, reading: Any) -> None:
     else:
         gain = variance_gain(4.0, square, dof)
         monitor.shadow[sensor, 2] = max(0.0, monitor.shadow[sensor, 2] - gain)
-    test_frozen(track, design, work, reading)
+    test_frozen(track, design, work, sensor)
     if monitor.run[sensor] > 0:
         monitor.shadow[sensor, 2] = 0.0
     sound = min(monitor.shadow[sensor, 0], monitor.shadow[sensor, 1], monitor.shadow[sensor, 2])
@@ -266,7 +276,7 @@ def note_input(track: Any, design: Any, work: Any, reading: Any) -> None:
         monitor.usual[sensor, i] += share * away
         # what is odd tells little of what is usual, but for ever it cannot stay odd
         monitor.usual_var[sensor, i] += share * variance * (min(square, ODD * ODD) - 1.0)
-    test_frozen(track, design, work, reading)
+    test_frozen(track, design, work, sensor)
 
 
 @kernel

@@ -101,18 +101,26 @@ def allowed_run(tests: Any, pairs: int, equal: int) -> int:
 
 
 @kernel
-def test_frozen(track: Any, design: Any, work: Any, reading: Any) -> None:
-    """Whether the sensor repeats itself for longer than it ever does, or while the state it reads moves on."""
-    monitor, tests, sensor = track.monitor, design.tests, reading.sensor
-    same, rest = True, True
+def note_value(track: Any, design: Any, reading: Any) -> None:
+    """Note whether a reading is sent with the values of the one before: as it is sent, nothing taken off it."""
+    monitor, sensor = track.monitor, reading.sensor
+    monitor.repeats[sensor] = monitor.rests[sensor] = 1
     for i in range(design.length[sensor]):
-        same = same and monitor.raw_z[sensor, i] == reading.z[i]
-        rest = rest and reading.z[i] == 0.0
+        if monitor.raw_z[sensor, i] != reading.z[i]:
+            monitor.repeats[sensor] = 0
+        if reading.z[i] != 0.0:
+            monitor.rests[sensor] = 0
         monitor.raw_z[sensor, i] = reading.z[i]
-    if rest:  # exactly nothing, again and again, is what a wheel at rest says
+
+
+@kernel
+def test_frozen(track: Any, design: Any, work: Any, sensor: int) -> None:
+    """Whether the sensor repeats itself for longer than it ever does, or while the state it reads moves on."""
+    monitor, tests = track.monitor, design.tests
+    if monitor.rests[sensor]:  # exactly nothing, again and again, is what a wheel at rest says
         monitor.run[sensor] = 0
         return
-    if not same:
+    if not monitor.repeats[sensor]:
         repeated = min(monitor.run[sensor], SHORT)
         monitor.pairs[sensor] += 1 + repeated
         monitor.equal[sensor] += repeated
