@@ -158,7 +158,7 @@ class Judge:
             reactions.freeze(finding.sensors)
         if is_one_reading(reactions, finding.fit) and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + (self._step if age > 0 else until_next(reactions, finding.fit))
-        elif is_bad_sample(reactions, finding.fit) or self._end_gone(reactions, finding):
+        elif self._settled(reactions, finding):
             reactions.close()
         elif undecided and age <= self.layout.shape.window // 2:
             desk["review_at"] = entries + max(self._step, int(PATIENCE * age))
@@ -273,6 +273,24 @@ class Judge:
     def _end_gone(self, reactions: Reactions, finding: Finding) -> bool:
         """Whether an error that is taken off has gone, which explains it all; an error of another kind has not."""
         return end_gone(reactions, finding, partial(lead_of_another, reactions, self.hypotheses))
+
+    def _settled(self, reactions: Reactions, finding: Finding) -> bool:
+        """Whether a bad sample, the end of an error taken off, or the return of one answers the alarm."""
+        return (
+            is_bad_sample(reactions, finding.fit)
+            or self._end_gone(reactions, finding)
+            or (finding.outcome is Outcome.UNDECIDED and self._relapsed(reactions, finding))
+        )
+
+    def _relapsed(self, reactions: Reactions, finding: Finding) -> bool:
+        """Whether one of those who may be it is an input on trial: that was the question, and it is out again."""
+        for fit in finding.standing:
+            (sensor, *others) = fit.place
+            if not others and reactions.reaction["health"][sensor] == Health.PROBATION:
+                self._exclude(reactions, sensor, fit, fit.kind)
+                reactions.replay()
+                return True
+        return False
 
     def _burst(self, reactions: Reactions, fit: Fit) -> None:
         """A spike of a sensor has been gated; one of an input is taken out, and a long one tells of its sensor."""

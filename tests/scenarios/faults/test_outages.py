@@ -95,8 +95,8 @@ def test_an_accelerometer_off_by_5_m_s2_or_1_g_is_out_in_half_a_second(fault):
 
 @pytest.mark.parametrize("fault", ["broken@10", "stuck@10", "bias=0.5@10", "nan@10"])
 def test_the_car_goes_on_without_its_accelerometer(fault):
-    """Broken, frozen, no number, biased by 0.5 m/s^2: named in 0.6 s, degraded, 10 cm kept (F7, F10)."""
-    run = scene("minicar").drive(30.0, [f"accelerometer.{fault}"])
+    """Broken, frozen, no number, biased by 0.5 m/s^2: named in 0.6 s, degraded, 10 cm kept, whenever it is tried (F7, F10)."""
+    run = scene("minicar").drive(60.0, [f"accelerometer.{fault}"])
     assert run.named("accelerometer").at_s <= 10.6, run.story()
     assert not run.blamed("ultrasonic"), run.story()
     assert run.worst("position", 11.0) < 0.1
