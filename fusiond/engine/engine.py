@@ -159,6 +159,11 @@ class Engine:
         count = min(entries, len(ring))
         return np.asarray(ring[np.arange(entries - count, entries) % len(ring)])
 
+    def recent(self, sensor: int) -> Records:
+        """(k,) readings of a sensor within the horizon, as they were sent, oldest first."""
+        ring = self._ring[[place % self._ring.shape[0] for place in self._places()]]
+        return np.asarray(ring[ring["sensor"] == sensor])
+
     def _room(self, count: int, covariances: bool) -> tuple[Records, NDArray[np.float64]]:
         """Zeroed reports for `count` readings, and as many covariances or none."""
         if self._reports.shape[0] < count:

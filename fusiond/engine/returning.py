@@ -1,14 +1,17 @@
 """How a sensor that is out returns, and an input that is out is tried: by agreement, or by waiting.
 
 An updating sensor that is excluded is looked at beside the estimate, and may return once its readings have agreed with
-it twice. An input that is excluded agrees with nothing, as nothing predicts it: it is tried when it has waited, and
-believed when it has waited once more and raised no alarm. Each relapse doubles the wait. Noise that falls as slowly as
+it twice. An input that is excluded agrees with nothing, as nothing predicts it: it is tried when it has waited and what
+it says is nearer to what stands in for it than to that with its error, and believed when it has waited once more and
+raised no alarm. Each relapse doubles the wait. Noise that falls as slowly as
 its estimate follows raises no alarm either: whether it is over is looked at from time to time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+
+import numpy as np
 
 from fusiond.engine.reactions import Reactions, doubled_ns
 from fusiond.engine.refine import goes_on, refine
@@ -84,12 +87,31 @@ def _try_input(reactions: Reactions, sensor: int) -> None:
     left_ns = _retry_ns(reactions, sensor) - _waited_ns(reactions, sensor)
     if left_ns > 0:  # another sensor's turn
         _look_again(reactions, left_ns)
+    elif reactions.reaction["health"][sensor] == Health.EXCLUDED and _errs_on(reactions, sensor):
+        schedule(reactions, sensor)
     elif reactions.reaction["health"][sensor] == Health.PROBATION:
         reactions.clear(sensor)
     else:
         reactions.readmit(sensor)
         reactions.write("health", Health.PROBATION, sensor)
         schedule(reactions, sensor)
+
+
+def _errs_on(reactions: Reactions, sensor: int) -> bool:
+    """Whether an input that is out reads nearer to what stands in for it with its error than without.
+
+    A machine that does just that is taken for one that errs; it waits once more.
+    """
+    reaction, channel = reactions.reaction, int(reactions.reaction["channel"][sensor])
+    readings, kind = reactions.engine.recent(sensor), reaction["kind"][sensor]
+    if kind not in (Kind.BIAS, Kind.DRIFT) or channel < 0 or not len(readings):
+        return False
+    error = float(reaction["size"][sensor])
+    if kind == Kind.DRIFT:
+        error *= (reactions.now_ns - int(reaction["onset_ns"][sensor])) / NANOSECONDS
+    usual = float(reactions.engine.track[0]["monitor"]["usual"][sensor, channel])
+    away = float(np.mean(readings["z"][:, channel])) - usual
+    return abs(away - error) < abs(away)
 
 
 def _look_again(reactions: Reactions, wait_ns: int) -> None:

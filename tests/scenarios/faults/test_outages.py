@@ -95,13 +95,22 @@ def test_an_accelerometer_off_by_5_m_s2_or_1_g_is_out_in_half_a_second(fault):
 
 @pytest.mark.parametrize("fault", ["broken@10", "stuck@10", "bias=0.5@10", "nan@10"])
 def test_the_car_goes_on_without_its_accelerometer(fault):
-    """Broken, frozen, no number, biased by 0.5 m/s^2: named in 0.6 s, degraded, 10 cm kept, whenever it is tried (F7, F10)."""
+    """Broken, frozen, no number, biased by 0.5 m/s^2: named in 0.6 s, degraded, 10 cm kept for 50 s (F7, F10)."""
     run = scene("minicar").drive(60.0, [f"accelerometer.{fault}"])
     assert run.named("accelerometer").at_s <= 10.6, run.story()
     assert not run.blamed("ultrasonic"), run.story()
     assert run.worst("position", 11.0) < 0.1
     assert run.rmse("position", 12.0) < 0.02
     assert ServiceHealth.INVALID not in run.service(10.1)
+
+
+@pytest.mark.parametrize(("lasts_s", "tried_s"), [(8.0, (20.0, 21.0)), (50.0, None)])
+def test_an_excluded_accelerometer_is_tried_when_it_reads_like_one_that_has_healed(lasts_s, tried_s):
+    """Off by 0.5 m/s^2 for 8 s or for good: on probation at its next turn after the end, or never in 50 s."""
+    run = scene("minicar").drive(60.0, [f"accelerometer.bias=0.5@10+{lasts_s}"])
+    at_s = run.when("accelerometer", Health.PROBATION)
+    assert at_s == np.inf if tried_s is None else tried_s[0] <= at_s <= tried_s[1], run.story()
+    assert tried_s is None or run.last("accelerometer").health is Health.HEALTHY
 
 
 def test_a_wrong_cluster_after_an_outage_captures_nobody():
