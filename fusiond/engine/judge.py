@@ -286,7 +286,8 @@ class Judge:
         """Whether one of those who may be it is an input on trial: that was the question, and it is out again."""
         for fit in finding.standing:
             (sensor, *others) = fit.place
-            if not others and reactions.reaction["health"][sensor] == Health.PROBATION:
+            on_trial = not others and reactions.reaction["health"][sensor] == Health.PROBATION
+            if on_trial and self._excludable(reactions, sensor, fit.place):
                 self._exclude(reactions, sensor, fit, fit.kind)
                 reactions.replay()
                 return True

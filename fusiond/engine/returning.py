@@ -100,7 +100,7 @@ def _try_input(reactions: Reactions, sensor: int) -> None:
 def _errs_on(reactions: Reactions, sensor: int) -> bool:
     """Whether an input that is out reads nearer to what stands in for it with its error than without.
 
-    A machine that does just that is taken for one that errs; it waits once more.
+    A machine that does just that is taken for one that errs: its input waits for as long as it does.
     """
     reaction, channel = reactions.reaction, int(reactions.reaction["channel"][sensor])
     readings, kind = reactions.engine.recent(sensor), reaction["kind"][sensor]

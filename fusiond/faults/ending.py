@@ -10,7 +10,7 @@ on, a = w'w, b = w'e, the log likelihood ratio against no change is
 
     [b^2 v + 2 b - a] / (2 (1 + a v)) - ln(1 + a v) / 2.
 
-No other explanation of those innovations has so little left to choose, so none is asked to be clearly worse.
+No other explanation of those innovations has so little left to choose, so it need only be as good as any other.
 
 Source: Bayes' rule for a normal size. Law: tests/laws/test_ending.py.
 """

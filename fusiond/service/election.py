@@ -1,7 +1,7 @@
 """Who of several daemons speaks: decided by each for itself, from what it sees of the others.
 
 Theory of operation. Each daemon of a group shows a token with its rank; that of the one that speaks, the active, also
-carries its epoch, and it gives a sign of life ten times in `limit_ns`. What a daemon does, at every look:
+carries its epoch, and it gives a sign of life ten times in `term_ns`. What a daemon does, at every look:
 
 | it is | it sees | it does |
 |---|---|---|

@@ -24,6 +24,8 @@ from fusiond.service.tracklet_outputs import content_of
 TOPICS = ("estimate", "control", "health", "event")
 HEAD = ("t_ns", "seq", "epoch")
 """What every message carries."""
+LARGEST = 2**62
+"""No stamp or number of a daemon comes near it: what is larger would not fit where one counts on from it."""
 PULSES = 16
 """Signs of life kept between two looks."""
 REMOTE = zenoh.Locality.REMOTE
@@ -111,8 +113,10 @@ class Members:
             content: Any = content_of(sample)
         except (ValueError, RecursionError):
             return None
-        sound = isinstance(content, dict) and all(isinstance(content.get(name), int) for name in HEAD)
-        return content if sound else None
+        if not isinstance(content, dict):
+            return None
+        numbers = [content.get(name) for name in HEAD]
+        return content if all(isinstance(one, int) and 0 <= one <= LARGEST for one in numbers) else None
 
     def _take(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)

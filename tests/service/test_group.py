@@ -438,6 +438,7 @@ NONSENSE = [
     b"7",
     b'{"t_ns": 1, "seq": 1, "epoch": %d}',
     b'{"t_ns": 1, "seq": 1, "epoch": %d, "u": "x"}',
+    b'{"t_ns": 1, "seq": 1, "epoch": 1000000000000000000000000000000}',
 ]
 """Of which a daemon must take none for a message; with the latest epoch there is."""
 

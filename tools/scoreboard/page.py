@@ -64,8 +64,9 @@ What the laws do, and when the command is a safe one: [control.md](control.md).
 ## Recordings
 
 Recordings that nobody in this project made ([recordings.md](recordings.md)), with their configurations as they are in
-`configs/`; one without a section `[faults]` is given a robust one. Most are run for their beginning only; whole they
-are run by `tests/recordings`. The lines of the catalogue are those of [catalogue.md](catalogue.md).
+`configs/`; one without a section `[faults]` is given one that says nothing, so with the defaults. They are run whole;
+`tests/recordings` runs them with the robust profile. The lines of the catalogue are those of
+[catalogue.md](catalogue.md).
 
 {recordings}
 """
