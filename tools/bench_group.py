@@ -146,7 +146,7 @@ class Group:
 
     def active(self) -> int:
         """Rank of the daemon that speaks."""
-        return next(rank for rank in self._processes if self._account(rank)["state"] == "active")
+        return next(rank for rank in self._processes if self._account(rank).get("state") == "active")
 
     def lose(self, rank: int, how: signal.Signals) -> None:
         """Kill or stop a daemon."""

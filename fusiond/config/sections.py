@@ -288,7 +288,7 @@ class ServiceSection(Section):
     """Which of `nodes` this is, with role = "node"."""
     group: list[str] = []
     """Endpoints of daemons that stand in for each other, in the order of their ranks: each listens on its own and
-    connects to the others'. One of them speaks, the others stand by in step; one file serves all of them."""
+    connects to those before it. One of them speaks, the others stand by in step; one file serves all of them."""
     rank: Annotated[int, Field(ge=0)] | None = None
     """Which of them this is, from 0; `fusiond run --rank` says it too. Without `group`: `listen` and `connect` hold."""
     takeover_s: Positive = 1.0

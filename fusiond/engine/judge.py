@@ -11,10 +11,13 @@ decides before the next is looked at. Health of a sensor, and what moves it:
 | healthy, suspect | isolated; the rest does not | faulty | takes the error off every reading since the onset |
 | healthy, suspect | isolated; noise | faulty | weighs the readings by the noise they have (adaptation: does already) |
 | healthy | one of a set that nothing tells apart | suspect | weighs the whole set down so as to cover all |
+| faulty | errs on though its error is taken off; the rest sees every state | excluded | as above |
 | any | frozen, or nothing that could be used | excluded | does without it, whatever is left |
 | faulty | the error has gone, or its noise has fallen however slowly | healthy | believes the readings as they are |
 | excluded | it agrees with the estimate, or lives where that is too unsure to say | probation | does without it |
-| excluded input | it has waited | probation | tries it |
+| excluded | frozen, though known by another error | excluded | goes on without it; it is called stuck |
+| excluded input | it has waited, and reads nearer to its stand-in than to its error | probation | tries it |
+| probation (input) | it may be it, as one of several | excluded | does without it again |
 | probation | they agree once more, and it has waited | healthy | uses it again |
 
 Where no sensor explains the innovations the model is blamed, and no sensor is touched. Whoever falls ill again waits
@@ -365,6 +368,7 @@ class Judge:
         if is_corrected(reactions, sensor):
             lift_correction(reactions, sensor, onset)
         reactions.name_unusable(sensor, kind, onset)
+        # of a run that is older than the window nothing from before it is left to go on from
         spared = onset == 0 or self._spared(reactions, (sensor,))
         self._send_out(reactions, sensor, kind, onset, {}, spared=spared)
         reactions.replay()

@@ -189,7 +189,7 @@ def desk_dtype(shape: Shape) -> np.dtype[Any]:
     the command is the safe one (0: it is not), and the last before.   doubt_since_ns: since when no sound sensor
     corrects the state (0: one does).   cost*: mean cost of the commands so far.
     retry_ns, refine_ns: when excluded inputs are looked at again, and open kinds.
-    case_at, case_ns: entries of the window, and stamp, at which the open case was opened (0: none is).
+    case_at, case_ns: entries of the window, and stamp, at which the last case was opened; case_at 0: none is open.
     nothing_at: entries of the window in which isolation last found nothing.
     calm_until, calm_for: entry of the window until which, and entries for which, too little scatter raises no alarm.
     garbage: unusable readings of each sensor, counted with decay.

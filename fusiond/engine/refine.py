@@ -36,8 +36,6 @@ POSSIBLE = 2.0 * FAMILY
 """A kind that explains the evidence less well by this, in log likelihood, is none that the fault may have."""
 SURE = 2.0
 """Standard deviations of its onset after which a fault has surely begun."""
-SAID = ("kind", "channel", "size", "size_std")
-"""Fields that tell a fault's kind and size."""
 WATCHED = (Health.EXCLUDED, Health.PROBATION, Health.FAULTY)
 
 
@@ -123,14 +121,11 @@ def refine_one(reactions: Reactions, sensor: int, hypotheses: Sequence[Hypothesi
 def _take_off_instead(reactions: Reactions, sensor: int, one: Account) -> bool:
     """Take another error off a sensor in use, on trial; whether that made the innovations smaller, or was undone."""
     attempt = Attempt(reactions.engine, (sensor,), int(reactions.reaction["from_ns"][sensor, 1]))
-    said = {field: reactions.reaction[field][sensor].copy() for field in SAID}
     _say(reactions, sensor, one)
     replace_correction(reactions, sensor, one.kind, sizes_of(one))
     reactions.replay()
     if attempt.helped:
         return True
-    for field, value in said.items():
-        reactions.write(field, value, sensor)
     attempt.withdraw()
     return False
 

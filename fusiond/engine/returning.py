@@ -3,8 +3,8 @@
 An updating sensor that is excluded is looked at beside the estimate, and may return once its readings have agreed with
 it twice. An input that is excluded agrees with nothing, as nothing predicts it: it is tried when it has waited and what
 it says is nearer to what stands in for it than to that with its error, and believed when it has waited once more and
-raised no alarm. Each relapse doubles the wait. Noise that falls as slowly as
-its estimate follows raises no alarm either: whether it is over is looked at from time to time.
+raised no alarm. Each relapse doubles the wait. Noise that falls as slowly as its estimate follows raises no alarm
+either: whether it is over is looked at from time to time.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Theory of operation. Several daemons of one configuration hear the same readings and compute the same; one of them
 speaks. All that goes out passes `outlet`, which asks the lease each time, so that a daemon which was held up while
 another took over is silent before it knows. The others wait longer than a lease lasts: they count from the newest
-sign of life that they heard, the holder from the one it sent.
+sign of life that they heard, the holder from its last look, a tenth of a lease after the sign it sent at most.
 """
 
 from __future__ import annotations

@@ -51,3 +51,19 @@ def test_an_input_that_has_waited_is_tried(reactions):
     assert reactions.reaction["health"][sensor] == Health.PROBATION
     assert reactions.reaction["since_ns"][sensor] == reactions.now_ns
     assert sensor not in reactions.out()
+
+
+@pytest.mark.parametrize(("share", "tried"), [(0.4, True), (0.6, False)])
+def test_an_input_is_tried_where_it_reads_nearer_to_its_stand_in_than_to_its_error(reactions, share, tried):
+    """An error of 1 m/s^2, of which the readings within the horizon still show a share: half of it decides."""
+    sensor = reactions.layout.numbers["accelerometer"]
+    reactions.write("since_ns", reactions.now_ns - 6 * NANOSECONDS, sensor)
+    reactions.write("size", 1.0, sensor)
+    read = float(np.mean(reactions.engine.recent(sensor)["z"][:, 0]))
+    reactions.engine.track[0]["monitor"]["usual"][sensor, 0] = read - share
+    retry(reactions, ())
+    health = reactions.reaction["health"][sensor]
+    assert health == (Health.PROBATION if tried else Health.EXCLUDED)
+    assert reactions.engine.desk[0]["retry_ns"] == reactions.now_ns + round(
+        RETRY_S * (2.0 if tried else 1.0) * NANOSECONDS
+    )

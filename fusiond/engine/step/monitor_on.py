@@ -28,8 +28,7 @@ from .spread_tests import (
 
 __all__ = [
     "after_look", "after_update", "awaits_judgement", "before_update", "carry", "corrected", "fall_back", "forget_all",
-    "is_excluded", "note_gate", "note_held", "note_input", "note_unusable", "note_value",
-    "undelay",
+    "is_excluded", "note_gate", "note_held", "note_input", "note_unusable", "note_value", "undelay",
 ]  # fmt: skip
 
 INPUT = int(Role.INPUT)
